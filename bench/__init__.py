@@ -1,0 +1,1 @@
+"""The emulated bench: everything left of the CAN bus, and the rig that wires it to an ECU."""

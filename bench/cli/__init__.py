@@ -1,0 +1,1 @@
+"""The rim: typer commands, one a file. Only here are files, sockets and screens touched."""

@@ -1,0 +1,33 @@
+"""The `bench` command: gathers the commands and turns errors into one line and exit code 2."""
+
+import sys
+
+import typer
+
+from bench.cli import lap, train
+from bench.errors import BenchError
+from targets.errors import TargetError
+
+app = typer.Typer(
+    name="bench",
+    help="Hardware-in-the-loop bench in software for motorcycle suspension ECUs.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.add_typer(lap.app, name="lap")
+app.add_typer(train.app, name="train")
+
+
+def run() -> None:
+    """Entry point of the `bench` command."""
+    try:
+        app()
+    except (BenchError, TargetError) as error:
+        sys.exit(_refuse(error))
+
+
+def _refuse(error: BenchError | TargetError) -> int:
+    line = " ".join(str(error).split())
+    print(f"bench: {error.side}: {line}", file=sys.stderr)
+    return 2

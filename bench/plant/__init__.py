@@ -1,0 +1,1 @@
+"""The motorcycle and the road under it: simulated laps."""
