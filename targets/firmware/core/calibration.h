@@ -1,0 +1,60 @@
+/* Calibration data: everything a newly trained network changes. One image, in its own flash section,
+ * little-endian, read in place. Layout mirrored by targets/calibration.py. */
+#ifndef CALIBRATION_H
+#define CALIBRATION_H
+
+#include <stdint.h>
+
+#define CALIBRATION_MAGIC 0x4C414353u /* "SCAL" */
+#define CALIBRATION_VERSION 1u
+#define MAX_NEURONS 32u
+#define MAX_DELAYS 16u
+#define MAX_INPUTS 7u
+#define MAX_SHIFT 15u
+#define MAX_WINDOW 128u
+#define MAX_REGRESSORS ((MAX_INPUTS + 1u) * MAX_DELAYS)
+
+enum feedback { FEEDBACK_PREDICTED = 0, FEEDBACK_MEASURED = 1 };
+
+/* x = (value - offset) * gain maps a sensor's range to [-1, 1] (section III.3). */
+typedef struct {
+    uint32_t channel; /* an enum channel of frames.h */
+    float offset;
+    float gain;
+} input_scaling;
+
+typedef struct {
+    uint32_t magic;
+    uint32_t version;
+    uint32_t size;  /* bytes of the whole image */
+    uint32_t crc32; /* IEEE 802.3, over what follows this word */
+    uint32_t neurons;
+    uint32_t delays;   /* d_in, samples */
+    uint32_t inputs;   /* exogenous ones */
+    uint32_t feedback; /* enum feedback */
+    uint32_t shift;    /* samples by which the prediction runs ahead (section III.3) */
+    uint32_t window;   /* L_s, samples (V.1) */
+    uint32_t multiple; /* n, windows above the threshold before the alarm (Figure V.8) */
+    uint32_t warmup;   /* steps before the residual is trusted */
+    float threshold;   /* T, relative */
+    float floor_mm;    /* smallest divisor of the residual */
+    float initial_mm;  /* what the fed-back stroke starts from */
+    float out_gain;    /* y_mm = y * out_gain + out_offset */
+    float out_offset;
+    float out_scale; /* y = (y_mm - out_offset) * out_scale */
+    input_scaling input[MAX_INPUTS];
+    float output_bias;
+    float weights[]; /* neurons rows of [bias, w_1 .. w_stride]; then neurons output weights */
+} calibration;
+
+/* Rows are padded with zero weights to a multiple of four, so that the inner loop needs no remainder. */
+static inline uint32_t calibration_stride(const calibration *c) {
+    return ((c->inputs + 1u) * c->delays + 3u) & ~3u;
+}
+
+enum calibration_fault { CALIBRATION_OK = 0, CALIBRATION_ABSENT, CALIBRATION_SHAPE, CALIBRATION_CRC };
+
+/* room: bytes of flash set aside for the image. */
+enum calibration_fault calibration_check(const calibration *c, uint32_t room);
+
+#endif

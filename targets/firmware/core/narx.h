@@ -1,0 +1,21 @@
+/* The soft sensor of section III.1: a NARX network, one hidden layer of tansig neurons (Appendix.1). */
+#ifndef NARX_H
+#define NARX_H
+
+#include "calibration.h"
+
+typedef struct {
+    /* Regressors, newest first in each row of `delays`: the inputs' rows, then the fed-back stroke's. */
+    float x[MAX_REGRESSORS];
+    float ahead[MAX_SHIFT + 1u]; /* predictions waiting for their instant, mm */
+    uint32_t head;
+    uint32_t primed; /* the delay lines have seen an input */
+} narx_state;
+
+void narx_init(narx_state *s, const calibration *c);
+
+/* Predicts the stroke of this instant, mm, then takes in this instant's inputs.
+ * channel: physical values by enum channel; fed_back is the measured stroke where the calibration says so. */
+float narx_step(narx_state *s, const calibration *c, const float *channel);
+
+#endif
