@@ -51,7 +51,13 @@ def _enums(inputs: list[Any]) -> str:
     lines += ["    CHANNELS", "};", "", "enum message {"]
     lines += [f"    MESSAGE_{m.name}," for m in inputs]
     ids = ", ".join(f"{m.frame_id}u" for m in inputs)
-    lines += ["    MESSAGES", "};", f"#define FRAMES_MESSAGE_IDS {{{ids}}}", "", "static inline uint32_t frames_message_of(uint32_t channel) {"]
+    lines += [
+        "    MESSAGES",
+        "};",
+        f"#define FRAMES_MESSAGE_IDS {{{ids}}}",
+        "",
+        "static inline uint32_t frames_message_of(uint32_t channel) {",
+    ]
     lines += ["    static const uint8_t message[CHANNELS] = {"]
     lines += [f"        MESSAGE_{carrier[name]}, /* {name} */" for name in CHANNELS]
     lines += ["    };", "    return message[channel];", "}", ""]
@@ -100,9 +106,7 @@ def _writers(message: Any) -> str:
         lines.append(f"static inline void {name}_set_{signal.name}(uint8_t *d, {kind}) {{")
         if physical:
             top = float(2**signal.length - 1)
-            lines.append(
-                f"    uint32_t raw = frames_saturate(v / {_float(signal.scale)}, {_float(top)});"
-            )
+            lines.append(f"    uint32_t raw = frames_saturate(v / {_float(signal.scale)}, {_float(top)});")
         lines += [f"    {line}" for line in _insert(signal)]
         lines += ["}", ""]
     return "\n".join(lines)

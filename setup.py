@@ -1,0 +1,19 @@
+"""Builds the host's copy of the ECU's numeric core where a C compiler is found; all else is in pyproject.toml."""
+
+from setuptools import Extension, setup
+
+CORE = "targets/firmware/core"
+
+setup(
+    ext_modules=[
+        # Plain C behind ctypes: it needs no Python headers. Without a compiler the emulated MCU serves instead.
+        Extension(
+            "targets.firmware._host",
+            sources=[f"{CORE}/{name}.c" for name in ("calibration", "narx", "ifd", "ecu")]
+            + ["targets/firmware/host/host.c"],
+            depends=[f"{CORE}/{name}.h" for name in ("calibration", "narx", "ifd", "ecu", "frames", "tansig")],
+            extra_compile_args=["-std=c99", "-O2", "-ffp-contract=off"],
+            optional=True,
+        )
+    ]
+)

@@ -1,0 +1,89 @@
+"""The ECU on the emulated STM32F405: a real ELF, its calibration in flash, its bxCAN on the bus."""
+
+from typing import Any
+
+import numpy as np
+
+from targets.calibration import Calibration
+from targets.ecu import Frame, Transmission
+from targets.errors import CalibrationError, FirmwareFault
+from targets.mcu import bxcan, state
+from targets.mcu.image import FLASH, Image
+from targets.mcu.machine import TRANSMIT, Stm32f405
+
+CALIBRATION_SYMBOL, ROOM_SYMBOL = "calibration_image", "calibration_room"
+
+
+class EmulatedEcu:
+    """`image` with `calibration` on the MCU, powered at `power_on_ns`, on a bus of `bitrate` bit/s.
+
+    mcu: the machine itself, to look into and to tamper with.
+    Raises CalibrationError if the image's calibration section is too small.
+    """
+
+    def __init__(
+        self,
+        image: Image,
+        calibration: Calibration,
+        name: str = "ifd",
+        power_on_ns: int = -100_000_000,
+        bitrate: int = 500_000,
+    ) -> None:
+        self.name = name
+        self.mcu = Stm32f405(image, power_on_ns)
+        self._bitrate = bitrate
+        self._waiting: list[Transmission] = []
+        content = calibration.image()
+        room = image.symbol(ROOM_SYMBOL)
+        if len(content) > room:
+            raise CalibrationError(f"image of {len(content)} bytes exceeds the firmware's section of {room}")
+        self.calibration_at = image.symbol(CALIBRATION_SYMBOL) - FLASH
+        self.mcu.flash[self.calibration_at :][: len(content)] = np.frombuffer(content, dtype=np.uint8)
+
+    def advance(self, t_ns: int) -> Transmission | None:
+        """Run the firmware until `t_ns` or its next transmit request."""
+        if not self._waiting:
+            if self.mcu.now_ns >= t_ns or self.mcu.run(t_ns) != TRANSMIT:
+                return None
+            self._collect()
+        # A request made in the last basic block may lie past t_ns: it waits for its turn.
+        return self._waiting.pop(0) if self._waiting[0].t_ns <= t_ns else None
+
+    def receive(self, frame: Frame, t_ns: int) -> None:
+        """The frame's last bit was seen on the bus at `t_ns`."""
+        S = self.mcu.state
+        self._check_bitrate()
+        data = frame.data.ljust(8, b"\0")
+        low, high = (int.from_bytes(half, "little") for half in (data[:4], data[4:]))
+        rir = frame.id << 3 | 4 if frame.extended else frame.id << 21
+        bxcan.receive(S, rir, len(frame.data), low, high)
+
+    def sent(self, handle: int, t_ns: int) -> None:
+        """The frame in mailbox `handle` was sent."""
+        bxcan.sent(self.mcu.state, handle)
+
+    def where(self) -> str:
+        """The program counter and the function it is in."""
+        return self.mcu.where()
+
+    def _collect(self) -> None:
+        S: Any = self.mcu.state
+        self._check_bitrate()
+        requested = int(S[state.CAN_TX_NEW])
+        S[state.CAN_TX_NEW] = 0
+        for mailbox in range(3):
+            if requested >> mailbox & 1:
+                tir, tdtr, low, high = state.words(S, state.CAN_MAILBOX + 4 * mailbox, 4)
+                data = low.to_bytes(4, "little") + high.to_bytes(4, "little")
+                extended = bool(tir & 4)
+                frame = Frame(tir >> 3 if extended else tir >> 21, data[: min(tdtr & 15, 8)], extended)
+                self._waiting.append(Transmission(int(S[state.CAN_TX_NS + mailbox]), mailbox, frame))
+        self._waiting.sort(key=lambda transmission: transmission.t_ns)
+
+    def _check_bitrate(self) -> None:
+        S = self.mcu.state
+        if bxcan.on_bus(S) and abs(bxcan.bitrate(S) - self._bitrate) * 200 > self._bitrate:
+            # Half a percent is what resynchronisation can make up for.
+            raise FirmwareFault(
+                f"bxCAN is set to {bxcan.bitrate(S)} bit/s on a bus of {self._bitrate} bit/s, {self.mcu.where()}"
+            )

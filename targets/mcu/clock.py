@@ -1,0 +1,34 @@
+"""Cycles to nanoseconds and back, exactly, across changes of the CPU's clock."""
+
+from numba import njit
+
+from targets.mcu.state import ATTEND, BASE_CYCLES, BASE_NS, CYCLES, HZ, State
+
+NS = 1_000_000_000
+
+
+@njit(cache=True)
+def ns_of(S: State, cycles: int) -> int:
+    """The instant of a cycle count (of the current clock's era), rounded down."""
+    return S[BASE_NS] + (cycles - S[BASE_CYCLES]) * NS // S[HZ]
+
+
+@njit(cache=True)
+def now_ns(S: State) -> int:
+    """The instant the CPU has reached."""
+    return ns_of(S, S[CYCLES])
+
+
+@njit(cache=True)
+def cycles_at(S: State, t_ns: int) -> int:
+    """The first cycle count whose instant is not before `t_ns`."""
+    return S[BASE_CYCLES] - (S[BASE_NS] - t_ns) * S[HZ] // NS
+
+
+@njit(cache=True)
+def set_hz(S: State, hz: int, cycles: int) -> None:
+    """From `cycles` on the CPU runs at `hz`; the run loop must look at its deadline again."""
+    S[BASE_NS] = ns_of(S, cycles)
+    S[BASE_CYCLES] = cycles
+    S[HZ] = hz
+    S[ATTEND] = 1

@@ -1,0 +1,122 @@
+"""The emulated MCU's whole state besides memory and core registers: one int64 array, and where things lie in it.
+
+Devices, hooks and the run loop are compiled functions over this array; Python looks at it only between runs.
+Copying it (with memory and registers) is a snapshot. Belongs here: the layout. Never: behaviour.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+State = NDArray[np.int64]
+
+# Engine
+UC = 0  # unicorn's handle
+SELF = 1  # address of this array
+FN_START, FN_STOP, FN_REG_READ, FN_REG_WRITE, FN_MEM_READ, FN_MEM_WRITE = range(2, 8)
+SCRATCH = 8  # one register passing through
+
+# Time. CPU cycles since reset; nanoseconds follow from the clock of the moment.
+CYCLES = 16
+DEADLINE = 17  # cycles at which to stop
+BASE_CYCLES = 18  # cycles and nanoseconds when the clock was last set
+BASE_NS = 19
+HZ = 20
+UNTIL_NS = 21
+NEXT = 22  # address that follows the last block in memory: any other one is a branch taken
+BRANCH_PENALTY = 23
+ENTRY_CYCLES = 24
+EXIT_CYCLES = 25
+TAIL_CYCLES = 26
+HALFWORDS = 27  # of code executed: a measure of work
+CODE_HALFWORDS = 28  # that have a cost
+RAM_BLOCKS = 29  # executed outside flash
+
+# Run loop
+ATTEND = 32  # 1: stop at the next block; 2: stop when PRIMASK clears
+STOPPED = 33  # a hook stopped the engine (else it was WFI)
+SLEEPING = 34
+PC = 35
+ERROR = 36  # unicorn's error code
+RETURNING = 37  # an EXC_RETURN was executed
+RESET_REQUEST = 38
+
+# Cortex-M system control
+VTOR = 48
+CPACR = 49
+DEMCR = 50
+DWT_CTRL = 51
+DWT_OFFSET = 52  # CYCCNT = CYCLES - offset
+SHCSR = 53
+CCR = 54
+SCR = 55
+FPCCR = 56
+
+# NVIC: external interrupts 0..95, three words of 32
+NVIC_ENABLED = 64
+NVIC_LATCHED = 67
+NVIC_PRIORITY = 80  # 96 of them
+ACTIVE_DEPTH = 176
+ACTIVE = 177  # exception numbers, nested; 16 deep
+
+# RCC and flash interface
+RCC_CR = 208
+RCC_PLLCFGR = 209
+RCC_CFGR = 210
+RCC_HSE_AT = 211  # nanoseconds at which the oscillator is ready
+RCC_PLL_AT = 212
+RCC_ENABLE = 216  # AHB1, AHB2, AHB3, reserved, APB1, APB2
+FLASH_ACR = 224
+
+# GPIO A..I: MODER, OTYPER, OSPEEDR, PUPDR, IDR, ODR, -, -, AFRL, AFRH
+GPIO = 240
+GPIO_STRIDE = 10
+
+# bxCAN 1
+CAN_MCR = 336
+CAN_MSR = 337
+CAN_TSR = 338
+CAN_IER = 339
+CAN_ESR = 340
+CAN_BTR = 341
+CAN_TX_NEW = 342  # mailboxes whose request Python has not seen, a bit each
+CAN_TX_NS = 343  # three: when the request was made
+CAN_MAILBOX = 348  # three of TIR, TDTR, TDLR, TDHR
+CAN_FIFO_COUNT = 360  # two
+CAN_FIFO_FLAGS = 362  # two: FULL and FOVR
+CAN_FIFO = 364  # two of three of RIR, RDTR, RDLR, RDHR
+CAN_FMR = 388
+CAN_FM1R = 389
+CAN_FS1R = 390
+CAN_FFA1R = 391
+CAN_FA1R = 392
+CAN_FILTER = 400  # 28 of FR1, FR2
+CAN_LOST = 456  # frames that no filter let in, or that came while the controller was not on the bus
+
+# Access to what is not modelled: count of entries, then address and times
+UNMODELLED = 464
+UNMODELLED_MAX = 64
+
+# Stack frame in transit: 26 words of 32 bits
+STACK = 600
+
+# Cycles before the instruction at (flash origin + 2 i)
+COST = 640
+
+
+def allocate(flash_bytes: int) -> State:
+    """A zeroed state for `flash_bytes` of executable flash, knowing its own address."""
+    state = np.zeros(COST + flash_bytes // 2 + 1, dtype=np.int64)
+    state[SELF] = state.ctypes.data
+    return state
+
+
+def words(state: State, at: int, count: int) -> list[int]:
+    """`count` entries from `at` as Python integers."""
+    return [int(value) for value in state[at : at + count]]
+
+
+def as_pointer(state: State) -> Any:
+    """The address of the state for a C callback's user data."""
+    return int(state[SELF])
