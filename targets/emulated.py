@@ -1,6 +1,6 @@
 """The ECU on the emulated STM32F405: a real ELF, its calibration in flash, its bxCAN on the bus."""
 
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class EmulatedEcu:
     def advance(self, t_ns: int) -> Transmission | None:
         """Run the firmware until `t_ns` or its next transmit request."""
         if not self._waiting:
-            if self.mcu.now_ns >= t_ns or self.mcu.run(t_ns) != TRANSMIT:
+            if self.mcu.run(t_ns) != TRANSMIT:
                 return None
             self._collect()
         # A request made in the last basic block may lie past t_ns: it waits for its turn.
@@ -52,11 +52,10 @@ class EmulatedEcu:
     def receive(self, frame: Frame, t_ns: int) -> None:
         """The frame's last bit was seen on the bus at `t_ns`."""
         S = self.mcu.state
-        self._check_bitrate()
-        data = frame.data.ljust(8, b"\0")
-        low, high = (int.from_bytes(half, "little") for half in (data[:4], data[4:]))
+        low, high = int.from_bytes(frame.data[:4], "little"), int.from_bytes(frame.data[4:], "little")
         rir = frame.id << 3 | 4 if frame.extended else frame.id << 21
-        bxcan.receive(S, rir, len(frame.data), low, high)
+        if not bxcan.receive(S, self._bitrate, rir, len(frame.data), low, high):
+            self._wrong_rate()
 
     def sent(self, handle: int, t_ns: int) -> None:
         """The frame in mailbox `handle` was sent."""
@@ -68,7 +67,8 @@ class EmulatedEcu:
 
     def _collect(self) -> None:
         S: Any = self.mcu.state
-        self._check_bitrate()
+        if bxcan.off_rate(S, self._bitrate):
+            self._wrong_rate()
         requested = int(S[state.CAN_TX_NEW])
         S[state.CAN_TX_NEW] = 0
         for mailbox in range(3):
@@ -80,10 +80,8 @@ class EmulatedEcu:
                 self._waiting.append(Transmission(int(S[state.CAN_TX_NS + mailbox]), mailbox, frame))
         self._waiting.sort(key=lambda transmission: transmission.t_ns)
 
-    def _check_bitrate(self) -> None:
-        S = self.mcu.state
-        if bxcan.on_bus(S) and abs(bxcan.bitrate(S) - self._bitrate) * 200 > self._bitrate:
-            # Half a percent is what resynchronisation can make up for.
-            raise FirmwareFault(
-                f"bxCAN is set to {bxcan.bitrate(S)} bit/s on a bus of {self._bitrate} bit/s, {self.mcu.where()}"
-            )
+    def _wrong_rate(self) -> NoReturn:
+        raise FirmwareFault(
+            f"bxCAN is set to {bxcan.bitrate(self.mcu.state)} bit/s on a bus of {self._bitrate} bit/s, "
+            f"{self.mcu.where()}"
+        )

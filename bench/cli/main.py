@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from bench.cli import lap, train
+from bench.cli import demo, ecu, lap, replay, run, train
 from bench.errors import BenchError
 from targets.errors import TargetError
 
@@ -15,11 +15,15 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.command()(demo.demo)
+app.command()(run.run)
 app.add_typer(lap.app, name="lap")
 app.add_typer(train.app, name="train")
+app.command()(replay.replay)
+app.command()(ecu.ecu)
 
 
-def run() -> None:
+def main() -> None:
     """Entry point of the `bench` command."""
     try:
         app()
@@ -31,3 +35,7 @@ def _refuse(error: BenchError | TargetError) -> int:
     line = " ".join(str(error).split())
     print(f"bench: {error.side}: {line}", file=sys.stderr)
     return 2
+
+
+if __name__ == "__main__":
+    main()

@@ -4,8 +4,7 @@ The bus tells it of frames that ended (`receive`) and of its own that were sent 
 counters, silent and loop-back mode, time-triggered mode, abort of a frame on the wire (FIDELITY.md).
 """
 
-from numba import njit
-
+from targets.jit import njit
 from targets.mcu.clock import now_ns
 from targets.mcu.rcc import apb1_divisor
 from targets.mcu.state import (
@@ -99,9 +98,17 @@ def _matches(S: State, bank: int, rir: int) -> bool:
 
 
 @njit(cache=True)
-def receive(S: State, rir: int, length: int, low: int, high: int) -> None:
-    """A frame ended on the bus: into a FIFO if a filter lets it in."""
+def off_rate(S: State, bus_bitrate: int) -> bool:
+    """On the bus, and set to another bit rate by more than the 0.5 % that resynchronisation makes up for."""
+    return on_bus(S) and abs(bitrate(S) - bus_bitrate) * 200 > bus_bitrate
+
+
+@njit(cache=True)
+def receive(S: State, bus_bitrate: int, rir: int, length: int, low: int, high: int) -> bool:
+    """A frame ended on the bus: into a FIFO if a filter lets it in. False if the bit rates differ."""
     bank = 0
+    if off_rate(S, bus_bitrate):
+        return False
     if on_bus(S) and not S[CAN_FMR] & 1:
         while bank < BANKS and not (S[CAN_FA1R] >> bank & 1 and _matches(S, bank, rir)):
             bank += 1
@@ -109,14 +116,14 @@ def receive(S: State, rir: int, length: int, low: int, high: int) -> None:
         bank = BANKS
     if bank == BANKS:
         S[CAN_LOST] += 1
-        return
+        return True
     fifo = S[CAN_FFA1R] >> bank & 1
     count = S[CAN_FIFO_COUNT + fifo]
     if count == 3:
         S[CAN_FIFO_FLAGS + fifo] |= FOVR
         S[CAN_LOST] += 1
         if S[CAN_MCR] >> 4 & 1:  # RFLM: the newest is discarded
-            return
+            return True
         count = 2  # else it overwrites the last one stored
     at = CAN_FIFO + 12 * fifo + 4 * count
     S[at] = rir
@@ -126,6 +133,7 @@ def receive(S: State, rir: int, length: int, low: int, high: int) -> None:
     S[CAN_FIFO_COUNT + fifo] = count + 1
     if count + 1 == 3:
         S[CAN_FIFO_FLAGS + fifo] |= FULL
+    return True
 
 
 @njit(cache=True)

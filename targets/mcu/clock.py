@@ -1,7 +1,6 @@
 """Cycles to nanoseconds and back, exactly, across changes of the CPU's clock."""
 
-from numba import njit
-
+from targets.jit import njit
 from targets.mcu.state import ATTEND, BASE_CYCLES, BASE_NS, CYCLES, HZ, State
 
 NS = 1_000_000_000
@@ -10,7 +9,9 @@ NS = 1_000_000_000
 @njit(cache=True)
 def ns_of(S: State, cycles: int) -> int:
     """The instant of a cycle count (of the current clock's era), rounded down."""
-    return S[BASE_NS] + (cycles - S[BASE_CYCLES]) * NS // S[HZ]
+    # Whole seconds apart: the product of all cycles and 10^9 would leave 64 bits after seven minutes.
+    elapsed = cycles - S[BASE_CYCLES]
+    return S[BASE_NS] + elapsed // S[HZ] * NS + elapsed % S[HZ] * NS // S[HZ]
 
 
 @njit(cache=True)
@@ -22,7 +23,9 @@ def now_ns(S: State) -> int:
 @njit(cache=True)
 def cycles_at(S: State, t_ns: int) -> int:
     """The first cycle count whose instant is not before `t_ns`."""
-    return S[BASE_CYCLES] - (S[BASE_NS] - t_ns) * S[HZ] // NS
+    elapsed = t_ns - S[BASE_NS]
+    # -(-a // b) is a / b rounded up
+    return S[BASE_CYCLES] + elapsed // NS * S[HZ] - (-(elapsed % NS) * S[HZ]) // NS
 
 
 @njit(cache=True)

@@ -6,9 +6,10 @@ the cumulated costs in the state), the stop at a deadline, exception entry and r
 
 from typing import Any
 
-from numba import carray, cfunc, njit, types
+from numba import carray, types
 from unicorn import arm_const as arm
 
+from targets.jit import cfunc, njit
 from targets.mcu import native, nvic
 from targets.mcu.clock import cycles_at
 from targets.mcu.state import (

@@ -17,7 +17,8 @@ TIMING = Path(__file__).with_name("timing.toml")
 _MULTIPLE = frozenset({"ldm", "stm", "push", "pop", "vldm", "vstm", "vpush", "vpop"})
 _ACCESS = frozenset({"ldr", "str", "vldr", "vstr"})
 _FLOAT_RESULT = frozenset(
-    "vadd vsub vmul vnmul vmla vmls vnmla vnmls vfma vfms vfnma vfnms vdiv vsqrt vcvt".split()
+    ("vadd", "vsub", "vmul", "vnmul", "vmla", "vmls", "vnmla", "vnmls", "vfma", "vfms", "vfnma", "vfnms")
+    + ("vdiv", "vsqrt", "vcvt")
 )
 
 
@@ -109,7 +110,7 @@ def _read(instruction: Any) -> _Instruction:
 @cache
 def _family(mnemonic: str) -> str:
     """`vadd.f32` -> vadd, `ldrb.w` -> ldr, `addeq` -> add: the key of a figure, as far as one is needed."""
-    base = mnemonic.split(".")[0]
+    base = mnemonic.split(".", maxsplit=1)[0]
     known = timing().cycles
     if base in known:
         return base
@@ -120,6 +121,24 @@ def _family(mnemonic: str) -> str:
     return base
 
 
-_CONDITIONS = "eq ne hs lo cs cc mi pl vs vc hi ls ge lt gt le al".split()
+_CONDITIONS = [
+    "eq",
+    "ne",
+    "hs",
+    "lo",
+    "cs",
+    "cc",
+    "mi",
+    "pl",
+    "vs",
+    "vc",
+    "hi",
+    "ls",
+    "ge",
+    "lt",
+    "gt",
+    "le",
+    "al",
+]
 _WIDTHS = ("", "b", "h", "sb", "sh", "ia", "db", "t", "bt", "ht", "ex", "exb", "exh")
 _SUFFIXES = frozenset(width + condition for width in _WIDTHS for condition in ("", *_CONDITIONS))

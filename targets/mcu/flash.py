@@ -1,7 +1,6 @@
 """Flash interface (RM0090 section 3): the access control register. Wait states do not cost time yet."""
 
-from numba import njit
-
+from targets.jit import njit
 from targets.mcu.state import FLASH_ACR, State
 
 BASE = 0x40023C00

@@ -1,7 +1,6 @@
 """General-purpose pins A to I (RM0090 section 8), as registers."""
 
-from numba import njit
-
+from targets.jit import njit
 from targets.mcu.state import GPIO, GPIO_STRIDE, State
 
 BASE = 0x40020000

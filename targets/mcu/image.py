@@ -3,6 +3,7 @@
 import io
 from bisect import bisect_right
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from targets.errors import FirmwareError
@@ -35,7 +36,8 @@ class Image:
     def function_at(self, address: int) -> str:
         """The function that holds `address`, '' if it is unknown."""
         k = bisect_right(self.functions, (address, "\uffff")) - 1
-        return self.functions[k][1] if k >= 0 and address >= FLASH else ""
+        inside = FLASH <= address < FLASH + len(self.flash)
+        return self.functions[k][1] if k >= 0 and inside else ""
 
 
 def load(path: Path) -> Image:
@@ -73,10 +75,10 @@ def _parse(data: bytes, source: str) -> Image:
     flash = bytearray()
     for segment in elf.iter_segments("PT_LOAD"):
         start, content = segment["p_paddr"], segment.data()
-        if not content:
-            continue
         if len(content) < segment["p_filesz"]:
             raise FirmwareError(f"{source}: truncated at segment {start:#010x}")
+        if not content:
+            continue
         at = start - FLASH
         if at < 0 or at + len(content) > FLASH_SIZE:
             raise FirmwareError(f"{source}: segment at {start:#010x} lies outside flash")
@@ -118,4 +120,4 @@ def _spans(marks: list[tuple[int, bool]], end: int) -> list[tuple[int, int]]:
     if not marks:
         return [(FLASH, end)]
     edges = [*marks, (end, False)]
-    return [(a, b) for (a, thumb), (b, _) in zip(edges, edges[1:], strict=False) if thumb and b > a]
+    return [(a, b) for (a, thumb), (b, _) in pairwise(edges) if thumb and b > a]

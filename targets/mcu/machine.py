@@ -18,6 +18,16 @@ SRAM, SRAM_SIZE = 0x20000000, 0x20000  # SRAM1 and SRAM2, 128 kB
 CCM, CCM_SIZE = 0x10000000, 0x10000  # core-coupled memory, 64 kB
 CODE_SIZE = 0x100000
 
+_EXCEPTIONS = {
+    1: "undefined instruction",
+    2: "supervisor call without a handler",
+    3: "instruction fetch outside memory",
+    4: "data abort",
+    7: "breakpoint instruction",
+    18: "instruction in ARM state",
+}
+"""The engine's exception numbers that no handler of a firmware for this MCU takes here."""
+
 TIME, TRANSMIT, FAULT, RESET = core.TIME, core.TRANSMIT, core.FAULT, core.RESET
 
 
@@ -117,7 +127,7 @@ class Stm32f405:
         code = int(self.state[state.ERROR])
         number, kind = code >> 16, code & 0xFFFF
         if kind == core.ERROR_INTERRUPT:
-            return f"exception {number} (undefined instruction, SVC or breakpoint)"
+            return _EXCEPTIONS.get(number, f"exception {number}")
         if kind == core.ERROR_STACK:
             return "exception frame outside memory"
         return str(unicorn.UcError(kind)).split(" (UC_ERR")[0].lower()

@@ -9,10 +9,11 @@ from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from targets.jit import njit
 from targets.mcu.state import (
     FN_MEM_READ,
     FN_MEM_WRITE,
@@ -45,7 +46,7 @@ def _caller(*arguments: Any) -> Callable[..., Any]:
 
         return types.int32(types.int64, types.UniTuple(types.int64, len(arguments))), codegen
 
-    return intrinsic(call)  # type: ignore[no-any-return]
+    return intrinsic(call)
 
 
 _start = _caller(types.int64, types.int64, types.int64, types.int64, types.int64)

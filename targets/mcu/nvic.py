@@ -1,7 +1,6 @@
 """Nested vectored interrupt controller (ARMv7-M B3.4): what is pending, what may preempt what."""
 
-from numba import njit
-
+from targets.jit import njit
 from targets.mcu import bxcan
 from targets.mcu.state import (
     ACTIVE,
@@ -25,7 +24,7 @@ def _bit(S: State, table: int, irq: int) -> int:
 
 @njit(cache=True)
 def _is_active(S: State, exception: int) -> bool:
-    for k in range(S[ACTIVE_DEPTH]):
+    for k in range(S[ACTIVE_DEPTH]):  # noqa: SIM110  # compiled code has no generators
         if S[ACTIVE + k] == exception:
             return True
     return False
@@ -97,7 +96,7 @@ def current(S: State) -> int:
 def read(S: State, offset: int) -> int:
     """Value of the register at `offset` from 0xE000E100, -1 if it is not modelled."""
     word = (offset & 0x7F) // 4
-    if offset < 0x400 and word >= IRQS // 32:
+    if offset < 0x280 and word >= IRQS // 32:
         return -1
     if offset < 0x100:
         return S[NVIC_ENABLED + word]

@@ -5,8 +5,9 @@ An access that no device knows reads as zero, changes nothing, and is counted by
 
 from typing import Any
 
-from numba import carray, cfunc, njit, types
+from numba import carray, types
 
+from targets.jit import cfunc, njit
 from targets.mcu import bxcan, flash, gpio, nvic, rcc, scs
 from targets.mcu.state import COST, UNMODELLED, UNMODELLED_MAX, State
 

@@ -1,7 +1,6 @@
 """Reset and clock control (RM0090 section 7): the CPU's frequency is what the firmware sets here."""
 
-from numba import njit
-
+from targets.jit import njit
 from targets.mcu.clock import now_ns, set_hz
 from targets.mcu.state import (
     CYCLES,

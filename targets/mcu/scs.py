@@ -1,7 +1,6 @@
-"""System control space beside the NVIC: the registers of SCB and FPU, and DWT's cycle counter (ARMv7-M B3, C1)."""
+"""System control space beside the NVIC: SCB, FPU, and DWT's cycle counter (ARMv7-M B3, C1)."""
 
-from numba import njit
-
+from targets.jit import njit
 from targets.mcu.state import (
     ATTEND,
     CCR,

@@ -1,4 +1,4 @@
-"""The emulated MCU's whole state besides memory and core registers: one int64 array, and where things lie in it.
+"""The emulated MCU's state beside memory and core registers: one int64 array, and where things lie in it.
 
 Devices, hooks and the run loop are compiled functions over this array; Python looks at it only between runs.
 Copying it (with memory and registers) is a snapshot. Belongs here: the layout. Never: behaviour.

@@ -1,0 +1,115 @@
+"""`bench run`: one lap, one verdict."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from bench.cli.options import EcuName, Elf, Faults, Host, Model, build_ecu
+
+if TYPE_CHECKING:
+    from bench.run import Run
+    from targets.ecus import Build
+
+
+def run(
+    lap: Annotated[Path, typer.Argument(metavar="LAP", help="Lap file (.csv, .parquet).")],
+    fault: Faults = None,
+    ecu: EcuName = "ifd",
+    on: Host = "mcu",
+    model: Model = None,
+    elf: Elf = None,
+    json_out: Annotated[
+        Path | None, typer.Option("--json", metavar="OUT", help="Write the result as JSON.")
+    ] = None,
+    record_out: Annotated[
+        Path | None,
+        typer.Option("--record", metavar="OUT", help="Record the bus (.log, .asc, .blf, .mf4)."),
+    ] = None,
+) -> None:
+    """Replay a lap through sensors, faults, logger, timed bus and ECU, and judge what the ECU said.
+
+    Exit code 0: a fault was found, or there was none and no alarm. 1: any other verdict. 2: bad input.
+    """
+    from bench.faults.spec import parse_fault
+    from bench.laps.files import read_lap
+    from bench.recorder import check_target, record
+    from bench.run import document, run_lap
+    from bench.whole import check_writable, whole
+
+    if json_out:
+        check_writable(json_out)
+    if record_out:
+        check_target(record_out)
+    specs = [parse_fault(text) for text in fault or []]
+    build = build_ecu(ecu, on, model, elf)
+    ride_of = read_lap(lap)
+
+    with _progress(ride_of.duration_ns) as tell:
+        device = build.power_on()
+        done = run_lap(ride_of, device, specs, build.needs(), progress=tell)
+
+    result = document(done)
+    result["unmodelled_accesses"] = _unmodelled(device)
+    result["provenance"] = _provenance(build, lap, ride_of.digest())
+    if record_out:
+        record(record_out, [(d.t_end_ns, d.frame, d.node) for d in done.ride.frames])
+    if json_out:
+        with whole(json_out) as part:
+            part.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    _print(done, build, result, device)
+    if not done.verdict.outcome.passed:
+        raise typer.Exit(1)
+
+
+def _progress(duration_ns: int) -> Any:
+    from bench.cli.progress import lap_progress
+
+    return lap_progress(duration_ns)
+
+
+def _unmodelled(device: Any) -> dict[str, int]:
+    mcu = getattr(device, "mcu", None)
+    return {f"{address:#010x}": count for address, count in mcu.unmodelled().items()} if mcu else {}
+
+
+def _provenance(build: "Build", lap: Path, digest: str) -> dict[str, Any]:
+    from bench.provenance import versions
+
+    trained = build.calibration.provenance.get("seed")
+    return {
+        "versions": versions(),
+        "lap": lap.name,
+        "lap_sha256": digest,
+        **build.provenance(),
+        # Nothing in a run is random: the seeds that matter made the lap (unknown here) and the network.
+        "seed": {"run": None, "calibration": trained},
+    }
+
+
+def _print(done: "Run", build: "Build", result: dict[str, Any], device: Any) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    verdict, colour = done.verdict, "green" if done.verdict.outcome.passed else "red"
+    console = Console()
+    console.print(f"[bold {colour}]{verdict.outcome}[/]  {verdict.reason}", highlight=False)
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name in ("t_cmd_s", "t_active_s", "t_obs_s", "t_alarm_s", "t_heal_s", "td_s"):
+        if result[name] is not None:
+            table.add_row(name, f"{result[name]:.6f}")
+    cycles = result["step_cycles"]
+    if cycles and cycles["max"]:
+        hz = device.mcu.hz
+        table.add_row(
+            "step",
+            f"{cycles['min']} / {cycles['mean']:.0f} / {cycles['max']} cycles (min/mean/max), "
+            f"{cycles['mean'] / hz * 1e6:.1f} us mean at {hz / 1e6:g} MHz",
+        )
+    table.add_row("bus", f"{100 * result['bus']['load']:.1f} % of {result['bus']['bitrate'] // 1000} kbit/s")
+    for sensor, count in result["saturated_samples"].items():
+        table.add_row("saturated", f"{sensor}: {count} samples beyond its span")
+    for address, count in result["unmodelled_accesses"].items():
+        table.add_row("unmodelled", f"{address}: {count} accesses")
+    console.print(table)

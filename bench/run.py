@@ -1,0 +1,116 @@
+"""One run, from a lap to a verdict: sensors, faults, logger, bus and ECU in virtual time.
+
+Belongs here: the order of the rooms. Never: a file, a screen, which ECU it is.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from bench.codec import Codec
+from bench.errors import LapError
+from bench.faults.insertion import Insertion, insert
+from bench.faults.spec import FaultSpec
+from bench.laps.lap import Lap
+from bench.mdlog.logger import Schedule, schedule
+from bench.rig import Ride, ride
+from bench.sensors.codes import Codes, acquire
+from bench.verdict import TD_MAX_NS, Verdict, judge
+from bench.watch import Watch
+from targets.ecu import Ecu
+
+BITRATE = 500_000
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run: the verdict, and all it was read from."""
+
+    verdict: Verdict
+    watch: Watch
+    ride: Ride
+    insertions: Sequence[Insertion]
+    codes: Codes
+
+
+def prepare(
+    lap: Lap, faults: Iterable[FaultSpec], needs: Sequence[str], who: str, codec: Codec
+) -> tuple[Codes, list[Insertion], Schedule]:
+    """What the logger will send of `lap` under `faults`, for an ECU named `who` that needs channels `needs`.
+
+    Raises LapError naming the channels that are missing, FaultError for a fault the lap cannot have.
+    """
+    lap.require(needs, who)
+    codes, insertions = insert(acquire(lap), faults)
+    frames = schedule(codes, codec)
+    for name, missing in frames.unsent.items():
+        carried = [channel for channel in needs if channel in codec.message(name).signals]
+        if carried:
+            raise LapError(
+                f"{lap.source or 'lap'}: missing {', '.join(missing)}: without it message {name} is not sent, "
+                f"and {who} needs its {', '.join(carried)}"
+            )
+    return codes, insertions, frames
+
+
+def run_lap(
+    lap: Lap,
+    ecu: Ecu,
+    faults: Iterable[FaultSpec] = (),
+    needs: Sequence[str] = (),
+    td_max_ns: int = TD_MAX_NS,
+    progress: Callable[[int], None] | None = None,
+) -> Run:
+    """Ride `lap` with `ecu` on a timed bus of 500 kbit/s while `faults` act, and judge what it said.
+
+    Raises LapError if the lap lacks one of the channels `needs`, FaultError for a fault it cannot have.
+    """
+    codec = Codec()
+    codes, insertions, frames = prepare(lap, faults, needs, f"ecu {ecu.name}", codec)
+    watch = Watch(codec, ecu.name)
+    done = ride(frames, ecu, watch, BITRATE, progress)
+    return Run(judge(watch, insertions, done.failure, td_max_ns), watch, done, insertions, codes)
+
+
+def document(run: Run) -> dict[str, Any]:
+    """The run as plain data for JSON: times in seconds, None for what did not happen."""
+    verdict, watch, load = run.verdict, run.watch, run.ride.load
+    cycles = watch.step_cycles
+    return {
+        "outcome": str(verdict.outcome),
+        "reason": verdict.reason,
+        "t_cmd_s": _s(verdict.t_cmd_ns),
+        "t_active_s": _s(verdict.t_active_ns),
+        "t_obs_s": _s(verdict.t_obs_ns),
+        "t_alarm_s": _s(verdict.t_alarm_ns),
+        "t_heal_s": _s(verdict.t_heal_ns),
+        "td_s": _s(verdict.td_ns),
+        "faults": [
+            {
+                "spec": str(i.spec),
+                "t_cmd_s": _s(i.t_cmd_ns),
+                "t_active_s": _s(i.t_active_ns),
+                "t_obs_s": _s(i.t_obs_ns),
+            }
+            for i in run.insertions
+        ],
+        "alarms_s": [[_s(on), _s(off)] for on, off in watch.alarms_ns],
+        "input_cycles": watch.cycles,
+        "answers": watch.answered,
+        "step_cycles": {"min": min(cycles), "mean": sum(cycles) / len(cycles), "max": max(cycles)}
+        if cycles
+        else None,
+        "bus": {
+            "bitrate": BITRATE,
+            "load": load.load,
+            "frames": len(run.ride.frames),
+            "bits": load.bits,
+            "worst_wait_s": {f"{key:#x}": traffic.worst_wait_ns / 1e9 for key, traffic in load.by_id.items()},
+        },
+        "saturated_samples": {sensor: count for sensor, count in run.codes.saturated.items() if count},
+        "simulated_s": run.ride.end_ns / 1e9,
+    }
+
+
+def _s(t_ns: int | None) -> float | None:
+    return None if t_ns is None else t_ns / 1e9

@@ -1,0 +1,76 @@
+"""What the bench reads off the bus about the ECU: answers, alarms, step cycles. Sans-I/O, any bus.
+
+Belongs here: the ECU's frames, decoded. Never: whether an alarm was right (verdict), who carries the frames.
+"""
+
+from dataclasses import dataclass, field
+
+from bench.codec import Codec
+from targets.ecu import Frame
+
+STATUS = {"ifd": "IFD_STATUS", "soft_sensor": "SOFT_STROKE"}
+TIMING = {"ifd": "IFD_TIMING", "soft_sensor": "SOFT_TIMING"}
+"""The DBC messages in which each role answers an input cycle, and says what the step cost."""
+
+
+@dataclass
+class Watch:
+    """Follows an ECU of `role` on the bus, one input cycle after the other.
+
+    An answer echoes the cycle's alive count; a cycle not answered when the next one is due is an overrun.
+    alarms_ns: [on, off) instants at which the alarm changed on the bus, off None while it lasts.
+    step_cycles: CPU cycles of every step. missed_inputs, overruns: the ECU's own last counts.
+    """
+
+    codec: Codec
+    role: str = "ifd"
+    answered: int = 0
+    alarms_ns: list[tuple[int, int | None]] = field(default_factory=list)
+    step_cycles: list[int] = field(default_factory=list)
+    missed_inputs: int = 0
+    overruns: int = 0
+    cycles: int = 0
+    _alive: int | None = None
+    _sent_ns: int = 0
+
+    OVERRUN = "ECU overrun"
+
+    def __post_init__(self) -> None:
+        self._status = self.codec.message(STATUS[self.role])
+        self._timing = self.codec.message(TIMING[self.role])
+
+    def cycle(self, t_ns: int) -> str | None:
+        """The logger starts its next input cycle at `t_ns`: what was wrong with the one before, if anything."""
+        failure = self.unanswered(t_ns)
+        self.cycles += 1
+        self._sent_ns = t_ns
+        return failure
+
+    def unanswered(self, t_ns: int) -> str | None:
+        """The complaint, if the last input cycle has no answer at `t_ns`."""
+        if self.cycles == 0 or self._alive == (self.cycles - 1) & 15:
+            return None
+        return (
+            f"{self.OVERRUN}: no answer to cycle {self.cycles - 1}, sent at {self._sent_ns / 1e9:.9g} s, "
+            f"by {t_ns / 1e9:.9g} s"
+        )
+
+    def heard(self, frame: Frame, t_ns: int) -> None:
+        """A frame that ended at `t_ns`; frames of other identifiers pass."""
+        if frame.id == self._status.id:
+            values = self.codec.decode(self._status.name, frame.data)
+            self._alive = int(values["alive"])
+            self.answered += 1
+            self._alarm(bool(values.get("alarm", 0)), t_ns)
+        elif frame.id == self._timing.id:
+            values = self.codec.decode(self._timing.name, frame.data)
+            self.step_cycles.append(int(values["step_cycles"]))
+            self.missed_inputs = int(values["missed_inputs"])
+            self.overruns = int(values["overruns"])
+
+    def _alarm(self, on: bool, t_ns: int) -> None:
+        raised = bool(self.alarms_ns) and self.alarms_ns[-1][1] is None
+        if on and not raised:
+            self.alarms_ns.append((t_ns, None))
+        elif raised and not on:
+            self.alarms_ns[-1] = (self.alarms_ns[-1][0], t_ns)

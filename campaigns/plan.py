@@ -1,0 +1,92 @@
+"""What a campaign is, and the trials it stands for. Pure: a file's text in, a list of trials out."""
+
+import tomllib
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from campaigns.errors import CampaignError
+
+HERE = Path(__file__).parent
+FAULT_FREE = "fault-free"
+MS = 1_000_000
+
+
+class Campaign(BaseModel):
+    """A validated campaign file; see `demo.toml` for what the fields mean."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    title: str
+    stands_for: str
+    route: str
+    laps: Annotated[int, Field(ge=1, le=100_000)]
+    seed: Annotated[int, Field(ge=0)]
+    fault_window_s: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
+    faults: dict[str, str]
+    seconds: Annotated[float | None, Field(gt=0)] = None
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One lap under one condition.
+
+    condition: a key of the campaign's faults, or FAULT_FREE. fault: its specification, '' for none.
+    """
+
+    condition: str
+    route: str
+    lap_seed: int
+    fault: str
+    seconds: float | None = None
+
+    @property
+    def id(self) -> str:
+        """Derived from the content: the same trial has the same id in every campaign."""
+        return sha256(repr(self).encode()).hexdigest()[:16]
+
+
+def load(name: str) -> Campaign:
+    """The campaign of a shipped NAME or a FILE.toml; CampaignError, one line, for anything else."""
+    path = Path(name) if name.endswith(".toml") else HERE / f"{name}.toml"
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise CampaignError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise CampaignError(f"{path}: not TOML ({error})") from None
+    try:
+        campaign = Campaign(**table)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise CampaignError(f"{path}: {where}: {first['msg'].lower()} (is {first['input']!r})") from None
+    low, high = campaign.fault_window_s
+    if low > high:
+        raise CampaignError(f"{path}: fault_window_s: {low} s comes after {high} s")
+    return campaign
+
+
+def expand(campaign: Campaign) -> list[Trial]:
+    """The trials in the order of the tables: fault-free laps first, then each fault's."""
+    from bench.faults.spec import parse_fault
+
+    trials = []
+    for number, (condition, fault) in enumerate([(FAULT_FREE, ""), *campaign.faults.items()]):
+        for lap in range(campaign.laps):
+            seed = campaign.seed + number * campaign.laps + lap
+            spec = str(parse_fault(f"{fault}@{_instant(campaign, seed)}")) if fault else ""
+            trials.append(Trial(condition, campaign.route, seed, spec, campaign.seconds))
+    return trials
+
+
+def _instant(campaign: Campaign, lap_seed: int) -> str:
+    """A whole millisecond of the window, drawn from the lap's seed."""
+    import numpy as np
+
+    draw = np.random.Generator(np.random.PCG64(np.random.SeedSequence((lap_seed, 1))))
+    low, high = (round(edge * 1000) for edge in campaign.fault_window_s)
+    return f"{int(draw.integers(low, high + 1)) / 1000:.3f}"

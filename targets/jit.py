@@ -1,0 +1,52 @@
+"""Numba's decorators, with a disk cache that knows when any source has changed.
+
+Numba keys a cached function on its own file alone; a kernel that calls one of another file would go on with
+the old one after that changed. Here the cache's folder is named after a digest of all sources, so that a
+stale kernel cannot be found. Import `njit` and `cfunc` from here, never from numba.
+"""
+
+import os
+import shutil
+import tempfile
+from hashlib import sha256
+from pathlib import Path
+
+from numba import config
+
+_HERE = Path(__file__).parent
+
+
+def _digest() -> str:
+    """Of every Python source that may hold or feed a kernel: this package's and its neighbours'."""
+    total = sha256()
+    for package in ("targets", "bench"):
+        for path in sorted((_HERE.parent / package).rglob("*.py")):
+            total.update(str(path.relative_to(_HERE.parent)).encode() + b"\0" + path.read_bytes())
+    return total.hexdigest()[:16]
+
+
+def _folder() -> Path:
+    """A writable folder for this digest: __pycache__, else the user's cache, else a temporary one."""
+    name = f"numba-{_digest()}"
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "strokebench"
+    for parent in (_HERE / "__pycache__", user):
+        try:
+            parent.mkdir(parents=True, exist_ok=True)
+            if (parent / name).is_dir():
+                return parent / name
+            (parent / name).mkdir(exist_ok=True)
+        except OSError:
+            continue
+        for old in parent.glob("numba-*"):
+            if old.name != name:
+                shutil.rmtree(old, ignore_errors=True)
+        return parent / name
+    return Path(tempfile.mkdtemp(prefix="strokebench-numba-"))
+
+
+if not config.CACHE_DIR:  # whoever sets NUMBA_CACHE_DIR knows why
+    config.CACHE_DIR = str(_folder())
+
+from numba import cfunc, njit  # noqa: E402  # after the folder is set
+
+__all__ = ["cfunc", "njit"]

@@ -1,0 +1,88 @@
+"""What many tests share: a small network of known weights, its calibration, laps, and the ECUs on both hosts."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.laps.lap import Lap
+from targets.calibration import Calibration, Detector
+from targets.emulated import EmulatedEcu
+from targets.firmware import ELF
+from targets.host import HostEcu, library
+from targets.mcu.image import load
+from targets.narx.network import Narx
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+INPUTS = ("fork_stroke_mm", "pitch_rate_dps", "speed_kmh")
+SPANS = ((0.0, 150.0), (-80.0, 80.0), (0.0, 200.0))
+
+
+def network(neurons: int = 15, delays: int = 10, seed: int = 1, shift: int = 0) -> Narx:
+    """A contracting network of random single-precision weights."""
+    rng = np.random.default_rng(seed)
+    return Narx(
+        inputs=INPUTS,
+        output="rear_stroke_mm",
+        delays=delays,
+        shift=shift,
+        input_ranges=SPANS,
+        output_range=(0.0, 110.0),
+        W1=rng.normal(size=(neurons, 4 * delays)) * 0.1,
+        b1=rng.normal(size=neurons) * 0.3,
+        w2=rng.normal(size=neurons) * 0.3,
+        b2=0.05,
+        initial_mm=55.0,
+    ).rounded()
+
+
+def wavy_lap(seconds: float = 3.0, names: tuple[str, ...] = (), seed: int = 5) -> Lap:
+    """A lap at 1 kHz of smooth, lively channels within their sensors' spans; all seven unless `names` says."""
+    t_ns = np.arange(round(seconds * 1000)) * 1_000_000
+    t = t_ns / 1e9
+    rng = np.random.default_rng(seed)
+
+    def wave(middle: float, swing: float) -> np.ndarray:
+        phase, speed = rng.uniform(0, 6, 3), rng.uniform(2, 20, 3)
+        return middle + swing / 3 * sum(np.sin(s * t + p) for s, p in zip(speed, phase, strict=True))
+
+    channels = {
+        "fork_stroke_mm": wave(50, 35),
+        "rear_stroke_mm": wave(57, 25),
+        "pitch_rate_dps": wave(0, 30),
+        "speed_kmh": wave(60, 20),
+        "acc_front_ms2": wave(0, 40),
+        "acc_rear_ms2": wave(0, 40),
+        "acc_body_ms2": wave(0, 10),
+    }
+    return Lap(t_ns, {name: channels[name] for name in names or channels})
+
+
+@pytest.fixture(scope="session")
+def calibration() -> Calibration:
+    return Calibration(network(), Detector())
+
+
+@pytest.fixture(scope="session")
+def image():
+    return load(ELF["ifd"])
+
+
+@pytest.fixture
+def mcu_ecu(image, calibration):
+    return EmulatedEcu(image, calibration)
+
+
+@pytest.fixture
+def host_ecu(calibration):
+    if library() is None:
+        pytest.skip("the host core is not built: no C compiler was found at installation")
+    return HostEcu(calibration)
+
+
+@pytest.fixture
+def arm_gcc():
+    if shutil.which("arm-none-eabi-gcc") is None:
+        pytest.skip("no arm-none-eabi-gcc on this machine")
