@@ -111,6 +111,6 @@ def serve(
         sent += catch_up(t_ns)
         if frame is not None:
             ecu.receive(frame, t_ns)
-            # What it does with the frame takes virtual time; look a millisecond ahead rather than wait for it.
+            # What it does with the frame takes virtual time: look a millisecond ahead, do not wait for it.
             sent += catch_up(t_ns + 1_000_000)
     return sent

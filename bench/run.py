@@ -47,7 +47,7 @@ def prepare(
         carried = [channel for channel in needs if channel in codec.message(name).signals]
         if carried:
             raise LapError(
-                f"{lap.source or 'lap'}: missing {', '.join(missing)}: without it message {name} is not sent, "
+                f"{lap.source or 'lap'}: missing {', '.join(missing)}: message {name} is not sent, "
                 f"and {who} needs its {', '.join(carried)}"
             )
     return codes, insertions, frames

@@ -1,7 +1,7 @@
 """The verdict on one run: what was detected, when, and whether the run counts at all. Pure.
 
 Outcomes and instants as the field uses them: CD correct detection, MD missed, FA false alarm (section V.3),
-ID a detection that names the wrong sensor, INVALID a run that proves nothing, OK a fault-free run without alarm.
+ID a detection that names the wrong sensor, INVALID a run that proves nothing, OK no fault and no alarm.
 """
 
 from collections.abc import Sequence

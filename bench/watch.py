@@ -40,7 +40,7 @@ class Watch:
         self._timing = self.codec.message(TIMING[self.role])
 
     def cycle(self, t_ns: int) -> str | None:
-        """The logger starts its next input cycle at `t_ns`: what was wrong with the one before, if anything."""
+        """The logger starts its next input cycle at `t_ns`: what was wrong with the last, if anything."""
         failure = self.unanswered(t_ns)
         self.cycles += 1
         self._sent_ns = t_ns

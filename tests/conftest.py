@@ -1,4 +1,4 @@
-"""What many tests share: a small network of known weights, its calibration, laps, and the ECUs on both hosts."""
+"""What many tests share: a small network, its calibration, laps, and the ECUs on both hosts."""
 
 import shutil
 from pathlib import Path
@@ -39,7 +39,7 @@ def network(neurons: int = 15, delays: int = 10, seed: int = 1, shift: int = 0) 
 
 
 def wavy_lap(seconds: float = 3.0, names: tuple[str, ...] = (), seed: int = 5) -> Lap:
-    """A lap at 1 kHz of smooth, lively channels within their sensors' spans; all seven unless `names` says."""
+    """A lap at 1 kHz of smooth, lively channels within their sensors' spans; all seven, or `names`."""
     t_ns = np.arange(round(seconds * 1000)) * 1_000_000
     t = t_ns / 1e9
     rng = np.random.default_rng(seed)

@@ -32,9 +32,7 @@ class LiveBus:
 
     def send(self, frame: Frame) -> None:
         """Put `frame` on the bus; BusError if the interface refuses it."""
-        message = self._can.Message(
-            arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended
-        )
+        message = self._can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended)
         try:
             self._bus.send(message, timeout=1.0)
         except (self._can.CanError, OSError) as error:

@@ -4,7 +4,7 @@ Belongs here: what a lap is, and the checks every lap passes whatever file it ca
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from hashlib import sha256
 
 import numpy as np
@@ -24,23 +24,25 @@ CHANNELS = (
 """Channel names of section II.5, each with its unit; a lap file's columns bear them, beside `t_s`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lap:
-    """A recorded or simulated ride.
+    """A recorded or simulated ride. Laps are equal if time base and channels are, whatever their source.
 
-    t_ns: int64 (samples,), strictly increasing, nanoseconds.
+    t_ns: int64 (samples,), from zero or later, strictly increasing, nanoseconds.
     channels: channel name -> float64 (samples,), read-only; names are a subset of CHANNELS.
-    Raises LapError for NaN, unknown channels, unequal lengths, or time that does not increase.
+    Raises LapError for NaN, unknown channels, unequal lengths, negative time, or time that does not increase.
     """
 
     t_ns: NDArray[np.int64]
     channels: Mapping[str, NDArray[np.float64]]
-    source: str = field(default="", compare=False)
+    source: str = ""
 
     def __post_init__(self) -> None:
         t_ns = np.array(self.t_ns, dtype=np.int64)
         if t_ns.ndim != 1 or len(t_ns) < 2:
             raise LapError(f"{self._where()}{t_ns.size} samples: a lap needs at least 2")
+        if t_ns[0] < 0:
+            raise LapError(f"{self._where()}negative time: it starts at {t_ns[0] / 1e9:.9g} s")
         back = np.flatnonzero(np.diff(t_ns) <= 0)
         if back.size:
             k = int(back[0]) + 1
@@ -68,6 +70,12 @@ class Lap:
             raise LapError(f"{self._where()}no channel; the known ones are {', '.join(CHANNELS)}")
         object.__setattr__(self, "t_ns", t_ns)
         object.__setattr__(self, "channels", channels)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Lap) and self.digest() == other.digest()
+
+    def __hash__(self) -> int:
+        return hash(self.digest())
 
     def _where(self) -> str:
         return f"{self.source}: " if self.source else ""

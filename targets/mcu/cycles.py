@@ -16,9 +16,8 @@ TIMING = Path(__file__).with_name("timing.toml")
 
 _MULTIPLE = frozenset({"ldm", "stm", "push", "pop", "vldm", "vstm", "vpush", "vpop"})
 _ACCESS = frozenset({"ldr", "str", "vldr", "vstr"})
-_FLOAT_RESULT = frozenset(
-    ("vadd", "vsub", "vmul", "vnmul", "vmla", "vmls", "vnmla", "vnmls", "vfma", "vfms", "vfnma", "vfnms")
-    + ("vdiv", "vsqrt", "vcvt")
+_FLOAT_RESULT = frozenset({"vadd", "vsub", "vmul", "vnmul", "vmla", "vmls", "vnmla", "vnmls"}) | frozenset(
+    {"vfma", "vfms", "vfnma", "vfnms", "vdiv", "vsqrt", "vcvt"}
 )
 
 

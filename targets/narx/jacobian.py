@@ -5,9 +5,9 @@ The weights in one vector: theta = [W1 row by row, b1, w2, b2].
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from targets.jit import njit
 from targets.narx.recursion import layer, push, regressors
 
 Floats = NDArray[np.float64]

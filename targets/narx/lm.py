@@ -1,20 +1,21 @@
 """Levenberg-Marquardt on an objective's Gauss-Newton matrix (section III.3).
 
-Belongs here: the damped step, its acceptance, and when to stop. Never: a network, data.
+Belongs here: the damped step and its acceptance. Never: a network, data, a decision when to stop.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+MU_START = 1e-3
+"""The damping of the first step, beside a Gauss-Newton matrix whose diagonal is scaled to 1."""
 MU_LEAST, MU_MOST = 1e-9, 1e6
 """Bounds of the damping; below the first, float32 rounding in the matrix exceeds it."""
-MU_FACTOR = 10.0
+MU_FACTOR = 3.0
 """By which the damping falls after a success and grows after a failure."""
 
 
@@ -28,75 +29,41 @@ class Problem(Protocol):
         """Return Gauss-Newton matrix (P, P) and half gradient (P,), float64 torch tensors."""
 
 
-@dataclass(frozen=True)
-class Iterate:
-    """Where an optimisation stands after an iteration; judge: what `validate` said (lower is better)."""
+class Iterate(NamedTuple):
+    """Where the descent stands: theta (P,), its cost, and the damping to go on from."""
 
-    iteration: int
+    theta: Floats
     cost: float
-    judge: float
     mu: float
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """The best theta by `validate`, the iterate it was found at, and how many iterations were made."""
+def descend(draw: Callable[[], Problem], theta: Floats) -> Iterator[Iterate]:
+    """Yield iterate after iterate of `draw()`'s minimisation, until no step lowers the cost any more.
 
-    theta: Floats
-    judge: float
-    iterations: int
-    interrupted: bool
-
-
-def minimise(
-    problem: Problem,
-    theta: Floats,
-    validate: Callable[[Floats], float],
-    iterations: int,
-    patience: int,
-    report: Callable[[Iterate], None],
-) -> Outcome:
-    """Minimise `problem` from theta (P,), keeping the iterate that `validate` likes best.
-
-    Stops after `iterations`, after `patience` of them without a better judgement, when no step lowers the
-    cost any more, or on KeyboardInterrupt, keeping the best so far.
+    draw: called once an iteration; it may give the same problem each time or another sample of it.
     """
-    mu = 1e-3
-    best, best_judge, best_at = theta, validate(theta), 0
-    done = 0
-    try:
-        cost = problem.cost(theta)
-        for k in range(1, iterations + 1):
-            found = _step(problem, theta, cost, mu)
-            if found is None:
-                break
-            theta, cost, mu = found
-            done = k
-            judge = validate(theta)
-            report(Iterate(k, cost, judge, mu))
-            if judge < best_judge:
-                best, best_judge, best_at = theta, judge, k
-            elif k - best_at >= patience:
-                break
-    except KeyboardInterrupt:
-        return Outcome(best, best_judge, done, True)
-    return Outcome(best, best_judge, done, False)
+    mu = MU_START
+    while True:
+        found = _step(draw(), theta, mu)
+        if found is None:
+            return
+        theta, _, mu = found
+        yield found
 
 
-def _step(problem: Problem, theta: Floats, cost: float, mu: float) -> tuple[Floats, float, float] | None:
-    """One iteration: (J'J + mu I) step = -J'e, with the damping that lowers the cost most.
+def _step(problem: Problem, theta: Floats, mu: float) -> Iterate | None:
+    """One iteration: (J'J + mu D) step = J'e, with the damping that lowers the cost most.
 
     The matrix costs far more than a solve and a cost, so after a success less damping is tried at once.
-    Returns theta, cost, and the damping to go on from, or None if no damping lowers the cost.
     """
     H, g = problem.normal(theta)
-    found: tuple[Floats, float, float] | None = None
-    rising = False
+    found: Iterate | None = None
+    least, rising = problem.cost(theta), False
     while MU_LEAST <= mu <= MU_MOST:
         step = _solve(H, g, mu)
-        tried = problem.cost(theta - step) if step is not None else np.inf
-        if tried < (found[1] if found else cost):  # False for NaN
-            found = (theta - step, tried, mu)
+        cost = problem.cost(theta - step) if step is not None else np.inf
+        if step is not None and cost < least:  # False for NaN
+            found, least = Iterate(theta - step, cost, mu), cost
             if rising:
                 break
             mu /= MU_FACTOR
@@ -109,11 +76,11 @@ def _step(problem: Problem, theta: Floats, cost: float, mu: float) -> tuple[Floa
 
 
 def _solve(H: Any, g: Any, mu: float) -> Floats | None:
-    """Solve (H + mu I) step = g by Cholesky; None where rounding left the matrix not positive definite."""
+    """Solve (H + mu diag H) step = g by Cholesky; None where rounding left no positive definite matrix."""
     import torch
 
     damped = H.clone()
-    damped.diagonal().add_(mu)
+    damped.diagonal().mul_(1.0 + mu)
     factor, failed = torch.linalg.cholesky_ex(damped)
     if int(failed):
         return None

@@ -7,8 +7,9 @@ Only additions, multiplications and divisions in a fixed order: the same bits on
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from targets.jit import njit
 
 Floats = NDArray[np.float64]
 
