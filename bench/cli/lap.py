@@ -5,6 +5,7 @@ Belongs here: options, progress and tables. Heavy imports are made in the comman
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -57,18 +58,19 @@ def generate(
     check_writable(files[seed])
 
     from rich.console import Console
-    from rich.progress import track
+    from rich.progress import Progress
 
     from bench.plant.ride import ride
 
-    # Compiled at first use; a progress bar on a log file would be noise.
     screen = Console(stderr=True)
-    for k, path in track(
-        files.items(), "riding", console=screen, transient=True, disable=not screen.is_terminal
-    ):
-        lap = ride(chosen, machine, k, seconds)
-        write_lap(lap, path)
-        typer.echo(f"{path}: {lap.duration_ns / 1e9:.1f} s, {len(lap.channels)} channels, seed {k}")
+    # A bar in a log file would be noise; lines sent to a file must not be caught by the bar.
+    with Progress(
+        console=screen, transient=True, disable=not screen.is_terminal, redirect_stdout=sys.stdout.isatty()
+    ) as bar:
+        for k, path in bar.track(files.items(), description="riding"):
+            lap = ride(chosen, machine, k, seconds)
+            write_lap(lap, path)
+            typer.echo(f"{path}: {lap.duration_ns / 1e9:.1f} s, {len(lap.channels)} channels, seed {k}")
 
 
 @app.command()

@@ -2,6 +2,11 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from targets.narx.settings import Settings
+    from targets.narx.train import Progress
 
 
 @contextmanager
@@ -14,3 +19,34 @@ def lap_progress(duration_ns: int) -> Iterator[Callable[[int], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=duration_ns / 1e9)
         yield lambda t_ns: bar.update(task, completed=t_ns / 1e9)
+
+
+@contextmanager
+def training_progress(settings: "Settings") -> "Iterator[Callable[[Progress], None]]":
+    """A bar over all seeds and stages, with the present stage and held-out error beside it."""
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    screening = sum(stage.iterations for stage in settings.screening)
+    total = screening * len(settings.seeds) + sum(stage.iterations for stage in settings.refinement)
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("training", total=total)
+        seen: set[tuple[int, str]] = set()
+        before = 0
+
+        def tell(step: "Progress") -> None:
+            nonlocal before
+            key = (step.seed, step.stage)
+            if key not in seen:
+                seen.add(key)
+                before = int(bar.tasks[0].completed)
+            # A stage may end before its last iteration: the bar never runs back.
+            bar.update(
+                task,
+                completed=before + step.iteration,
+                description=f"seed {step.seed}, {step.stage}: held-out {step.judge:.2f} %",
+            )
+
+        yield tell

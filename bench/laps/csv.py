@@ -1,0 +1,92 @@
+"""Laps as CSV: one header line, commas, points, UTF-8.
+
+Pyarrow parses; where it refuses, the file is read again line by line to say which line and value it was.
+"""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+
+from bench.errors import LapError
+from bench.laps.columns import check_names, columns_from_lap, lap_from_columns
+from bench.laps.lap import Lap
+
+
+def read(path: Path) -> Lap:
+    """Read a lap; strict: every row has every column, every cell is a finite number."""
+    names = _header(path)
+    check_names(names, str(path))
+    try:
+        table = pa.csv.read_csv(
+            path,
+            # Threads would not survive a fork of the campaign's workers.
+            read_options=pa.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=1),
+            convert_options=pa.csv.ConvertOptions(
+                column_types=dict.fromkeys(names, pa.float64()), null_values=[]
+            ),
+        )
+    except pa.ArrowException as error:
+        _explain(path, names)
+        raise LapError(f"{path}: {' '.join(str(error).split())}") from None
+    columns = {name: table[name].to_numpy() for name in names}
+    if not all(np.isfinite(values).all() for values in columns.values()):
+        _explain(path, names)
+    return lap_from_columns(columns, str(path), path.name)
+
+
+def write(lap: Lap, path: Path) -> None:
+    """Write a lap with as many digits as bring back the same float64."""
+    columns = columns_from_lap(lap)
+    with path.open("xb") as file:
+        file.write((",".join(columns) + "\n").encode())
+        pa.csv.write_csv(pa.table(columns), file, pa.csv.WriteOptions(include_header=False))
+
+
+def _header(path: Path) -> list[str]:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            line = file.readline(_LONGEST_HEADER)
+    except UnicodeDecodeError as error:
+        raise _not_text(path, error) from None
+    return [name.strip() for name in next(csv.reader([line.rstrip("\r\n")]), [])]
+
+
+_LONGEST_HEADER = 10_000  # a file without line ends is not read whole to say that it has no header
+
+
+def _explain(path: Path, names: list[str]) -> None:
+    """Raise LapError for the first line that is not what a lap wants, if there is one."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = csv.reader(file)
+            next(rows)
+            line = 1
+            for row in rows:
+                line = rows.line_num
+                where = f"{path}: line {line}"
+                if row and len(row) != len(names):
+                    raise LapError(f"{where} has {len(row)} cells, the header {len(names)}")
+                for name, cell in zip(names, row, strict=False):
+                    if not _is_number(cell):
+                        raise LapError(f"{where}, column {name}: {cell[:40]!r} is not a finite number")
+            if line == 1:
+                raise LapError(f"{path}: no samples")
+    except UnicodeDecodeError as error:
+        raise _not_text(path, error) from None
+    except csv.Error as error:
+        raise LapError(f"{path}: line {line + 1}: {error}") from None
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return math.isfinite(float(cell))
+    except ValueError:
+        return False
+
+
+def _not_text(path: Path, error: UnicodeDecodeError) -> LapError:
+    return LapError(f"{path}: not UTF-8 text: byte 0x{error.object[error.start]:02x}")

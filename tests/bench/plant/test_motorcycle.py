@@ -1,0 +1,73 @@
+import math
+
+import pytest
+
+from bench.errors import RouteError
+from bench.plant.motorcycle import DEFAULT, load_motorcycle
+
+TEXT = DEFAULT.read_text(encoding="utf-8")
+
+
+def load(tmp_path, text):
+    path = tmp_path / "bike.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_motorcycle(path)
+
+
+def line(key):
+    return next(row for row in TEXT.splitlines() if row.startswith(f"{key} ="))
+
+
+def test_default_is_a_gsxr1000():
+    """The motorcycle that comes with the bench has wheelbase, mass and sensors of the test bed's class."""
+    motorcycle = load_motorcycle()
+    assert motorcycle.wheelbase_m == pytest.approx(1.405)
+    assert 260 < motorcycle.mass_kg < 300
+    assert (motorcycle.fork.sensor_range_mm, motorcycle.shock.sensor_range_mm) == (150.0, 110.0)
+
+
+def test_fork_ratios_agree_with_one_rake():
+    """Linkage, sensor and dive ratio of the fork all follow from the same steering angle."""
+    motorcycle = load_motorcycle()
+    rake = math.atan(motorcycle.dive_ratio)
+    assert motorcycle.fork.linkage == pytest.approx(1 / math.cos(rake), abs=1e-3)
+    assert motorcycle.fork.sensor == motorcycle.fork.linkage
+
+
+def test_rear_sensor_spans_its_range_over_the_wheel_travel():
+    """130 mm of rear wheel travel move the sensor by just less than its 110 mm."""
+    shock = load_motorcycle().shock
+    assert 105 < 1e3 * (shock.sensor + 0.5 * shock.sensor_rise_per_m * 0.13) * 0.13 < 110
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (line("sprung_kg"), "", "missing sprung_kg"),
+        (line("knee_m_per_s"), "", r"missing fork\.knee_m_per_s"),
+        (line("sprung_kg"), line("sprung_kg") + "\nwheels = 2", "unknown key wheels"),
+        ("[fork]", "[fork]\ncolour = 1", r"unknown key fork\.colour"),
+        (line("sprung_kg"), "sprung_kg = 'heavy'", "sprung_kg is 'heavy', not a finite number"),
+        (line("sprung_kg"), "sprung_kg = nan", "sprung_kg is nan, not a finite number"),
+        (line("sprung_kg"), "sprung_kg = true", "sprung_kg is True, not a finite number"),
+        (line("sprung_kg"), "sprung_kg = -1", "sprung_kg is -1, below zero"),
+        (line("sprung_kg"), "sprung_kg = 0", "sprung_kg is 0; it must be above"),
+        (line("front_brake_share"), "front_brake_share = 1.5", r"front_brake_share is 1\.5, above 1"),
+        (line("topout_m"), "topout_m = 0.2", r"fork\.topout_m 0\.2 is not below bump_m"),
+        (line("air_length_m"), "air_length_m = 0.1", r"fork\.air_length_m 0\.1 ends before the bump stop"),
+        (TEXT, "fork = 3", "fork is 3, not a table"),
+        (TEXT, "= 3", "not TOML"),
+    ],
+)
+def test_refuses_what_is_not_physical(tmp_path, old, new, says):
+    """A missing, unknown or impossible number is one line with the file, the key and the value."""
+    with pytest.raises(RouteError, match=says) as refusal:
+        load(tmp_path, TEXT.replace(old, new, 1))
+    assert "bike.toml: " in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_missing_file_is_named(tmp_path):
+    """A file that does not exist is refused by name."""
+    with pytest.raises(RouteError, match=r"none\.toml: cannot be read: No such file"):
+        load_motorcycle(tmp_path / "none.toml")
