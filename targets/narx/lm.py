@@ -80,7 +80,7 @@ def _solve(H: Any, g: Any, mu: float) -> Floats | None:
     import torch
 
     damped = H.clone()
-    damped.diagonal().mul_(1.0 + mu)
+    damped.diagonal().mul_(1.0 + mu).add_(1e-12)  # a weight without effect has no diagonal
     factor, failed = torch.linalg.cholesky_ex(damped)
     if int(failed):
         return None

@@ -7,6 +7,7 @@ Never: a decision on what to do with them.
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -116,7 +117,7 @@ class Objective:
         edges = [round((P + 1) * k / PANELS) for k in range(PANELS + 1)]
         for block in self._blocks(theta):
             J = block.to(self.device)
-            for lo, hi in zip(edges[:-1], edges[1:], strict=True):
+            for lo, hi in pairwise(edges):
                 total[lo:, lo:hi] += J[:, lo:].T @ J[:, lo:hi]
         total = (total.tril() + total.tril(-1).T) * self.scale
         point = torch.from_numpy(theta).to(self.device)
@@ -138,19 +139,15 @@ class Objective:
         out = block.numpy()
         with ThreadPoolExecutor(self.threads) as pool:
             for first in range(0, count, group):
-                ids = range(first, min(first + group, count))
-                feedback = s.start[first : first + group].copy()
-                sensitivity = np.zeros((len(ids), d, theta.size), out.dtype)
-
-                def run(k: int, begin: int, first: int, feedback: Floats, sensitivity: Floats) -> None:
-                    rows(
-                        *network, self.neurons, s.v[k], s.measured[k], s.weight[k], self.closed, begin,
-                        feedback[k - first], sensitivity[k - first], out[k - first],
-                    )  # fmt: skip
-
+                which = range(first, min(first + group, count))
+                states = [(s.start[k].copy(), np.zeros((d, theta.size), out.dtype)) for k in which]
                 for begin in range(0, length, steps):
-                    list(pool.map(lambda k: run(k, begin, first, feedback, sensitivity), ids))
-                    yield block[: len(ids)].reshape(-1, theta.size + 1)
+                    work = [
+                        (s.v[k], s.measured[k], s.weight[k], self.closed, begin, *state, into)
+                        for k, state, into in zip(which, states, out, strict=False)
+                    ]
+                    list(pool.map(lambda args: rows(*network, self.neurons, *args), work))
+                    yield block[: len(work)].reshape(-1, theta.size + 1)
 
 
 def load_torch() -> Any:
