@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from bench.codec import Codec
 from targets.ecu import Frame
+from targets.errors import TargetError
 
 STATUS = {"ifd": "IFD_STATUS", "soft_sensor": "SOFT_STROKE"}
 TIMING = {"ifd": "IFD_TIMING", "soft_sensor": "SOFT_TIMING"}
@@ -19,7 +20,10 @@ class Watch:
 
     An answer echoes the cycle's alive count; a cycle not answered when the next one is due is an overrun.
     alarms_ns: [on, off) instants at which the alarm changed on the bus, off None while it lasts.
-    step_cycles: CPU cycles of every step. missed_inputs, overruns: the ECU's own last counts.
+    step_cycles: CPU cycles of every step. missed_inputs, overruns: the ECU's own counts, less what they were
+    in its first answer: an ECU that has been running for long is not to blame for an earlier run.
+    garbled: what was wrong with the first frame of the ECU that could not be read.
+    Raises TargetError for a role that does not exist.
     """
 
     codec: Codec
@@ -30,12 +34,16 @@ class Watch:
     missed_inputs: int = 0
     overruns: int = 0
     cycles: int = 0
+    garbled: str | None = None
     _alive: int | None = None
     _sent_ns: int = 0
+    _counts_before: tuple[int, int] | None = None
 
     OVERRUN = "ECU overrun"
 
     def __post_init__(self) -> None:
+        if self.role not in STATUS:
+            raise TargetError(f"no ECU {self.role}; there are {', '.join(STATUS)}")
         self._status = self.codec.message(STATUS[self.role])
         self._timing = self.codec.message(TIMING[self.role])
 
@@ -57,16 +65,24 @@ class Watch:
 
     def heard(self, frame: Frame, t_ns: int) -> None:
         """A frame that ended at `t_ns`; frames of other identifiers pass."""
-        if frame.id == self._status.id:
-            values = self.codec.decode(self._status.name, frame.data)
+        message = {self._status.id: self._status, self._timing.id: self._timing}.get(frame.id)
+        if message is None or frame.extended:
+            return
+        if len(frame.data) < message.length:
+            self.garbled = self.garbled or (
+                f"{message.name} of {len(frame.data)} bytes at {t_ns / 1e9:.9g} s; it has {message.length}"
+            )
+            return
+        values = self.codec.decode(message.name, frame.data)
+        if message is self._status:
             self._alive = int(values["alive"])
             self.answered += 1
             self._alarm(bool(values.get("alarm", 0)), t_ns)
-        elif frame.id == self._timing.id:
-            values = self.codec.decode(self._timing.name, frame.data)
+        else:
             self.step_cycles.append(int(values["step_cycles"]))
-            self.missed_inputs = int(values["missed_inputs"])
-            self.overruns = int(values["overruns"])
+            counts = int(values["missed_inputs"]), int(values["overruns"])
+            before = self._counts_before = self._counts_before or counts
+            self.missed_inputs, self.overruns = counts[0] - before[0], counts[1] - before[1]
 
     def _alarm(self, on: bool, t_ns: int) -> None:
         raised = bool(self.alarms_ns) and self.alarms_ns[-1][1] is None

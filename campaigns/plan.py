@@ -1,6 +1,5 @@
 """What a campaign is, and the trials it stands for. Pure: a file's text in, a list of trials out."""
 
-import tomllib
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from bench.toml import read_table
 from campaigns.errors import CampaignError
 
 HERE = Path(__file__).parent
@@ -52,12 +52,7 @@ class Trial:
 def load(name: str) -> Campaign:
     """The campaign of a shipped NAME or a FILE.toml; CampaignError, one line, for anything else."""
     path = Path(name) if name.endswith(".toml") else HERE / f"{name}.toml"
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise CampaignError(f"{path}: {(error.strerror or str(error)).lower()}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CampaignError(f"{path}: not TOML ({error})") from None
+    table = read_table(path, CampaignError)
     try:
         campaign = Campaign(**table)
     except ValidationError as error:

@@ -74,7 +74,8 @@ def _detection(campaign: Campaign, valid: Sequence[Result]) -> "RenderableType":
     bound = alarm_rate_bound(false.hits, hours)
     table.caption = (
         f"Fault-free: FA {_percent(false.value)} % of {false.n} laps "
-        f"(95 % interval {_range(false.interval)}; thesis 0 %); {hours:.2f} h ridden, at most {bound:.1f} false alarms/h at 95 %"
+        f"(95 % interval {_range(false.interval)}; thesis 0 %); "
+        f"{hours:.2f} h ridden, at most {bound:.1f} false alarms/h at 95 %"
     )
     table.caption_justify = "left"
     return table
@@ -118,7 +119,9 @@ def _steps(valid: Sequence[Result]) -> "RenderableType":
     rows = thesis()["firmware"]["time_us"][0]
     for name, (mean, deviation) in zip(("initial", "compiler-optimised", "final"), rows, strict=True):
         table.add_row(f"thesis, {name}", "22 MHz", "1000", f"{mean:.1f}", f"{deviation:.1f}", "-", "-")
-    table.caption = "Of the thesis's three rows the slowest: we read them as three clocks, of which the text names 22 MHz."
+    table.caption = (
+        "Of the thesis's three rows the slowest: we read the rows as three clocks; the text names 22 MHz."
+    )
     table.caption_justify = "left"
     return table
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dbc import CHANNELS
 from targets.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -20,17 +21,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from targets.narx.network import Narx
-
-CHANNELS = (
-    "fork_stroke_mm",
-    "rear_stroke_mm",
-    "pitch_rate_dps",
-    "speed_kmh",
-    "acc_front_ms2",
-    "acc_rear_ms2",
-    "acc_body_ms2",
-)
-"""Quantities an ECU may take as inputs; the position is the code the firmware knows them by."""
 
 FORMAT = "strokebench-calibration"
 VERSION = 1

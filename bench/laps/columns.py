@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import LapError
-from bench.laps.lap import CHANNELS, Lap
+from bench.laps.lap import Lap
+from dbc import CHANNELS
 
 TIME = "t_s"
 

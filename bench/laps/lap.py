@@ -11,17 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import LapError
-
-CHANNELS = (
-    "fork_stroke_mm",
-    "rear_stroke_mm",
-    "pitch_rate_dps",
-    "speed_kmh",
-    "acc_front_ms2",
-    "acc_rear_ms2",
-    "acc_body_ms2",
-)
-"""Channel names of section II.5, each with its unit; a lap file's columns bear them, beside `t_s`."""
+from dbc import CHANNELS
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,11 +5,11 @@ The records are named tuples because compiled kernels take those as they are.
 """
 
 import math
-import tomllib
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.errors import RouteError
+from bench.toml import read_table
 
 DEFAULT = Path(__file__).with_name("gsxr1000.toml")
 
@@ -98,12 +98,7 @@ def load_motorcycle(path: Path = DEFAULT) -> Motorcycle:
 
     Raises RouteError naming the file, the key and the value that is missing, unknown or not physical.
     """
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RouteError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RouteError(f"{path}: not TOML: {error}") from None
+    table = read_table(path, RouteError)
     parts: dict[str, Any] = {name: _record(path, name, table.pop(name, {})) for name in _SECTIONS}
     numbers: dict[str, Any] = _numbers(
         path, "", table, [name for name in Motorcycle._fields if name not in parts]

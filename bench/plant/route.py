@@ -5,7 +5,6 @@ Belongs here: what a route is, its TOML, and how a seed makes another route of i
 
 import math
 import operator
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 
 from bench.errors import RouteError
 from bench.plant.surface import SURFACES
+from bench.toml import read_table
 
 FOLDER = Path(__file__).parent
 NAMES = ("mixed_5km", "training")
@@ -93,12 +93,7 @@ def load_route(name: str | Path) -> Route:
         raise RouteError(
             f"unknown route {str(name)!r}; the known ones are {', '.join(NAMES)}, or a .toml file"
         )
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RouteError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RouteError(f"{path}: not TOML: {error}") from None
+    table = read_table(path, RouteError)
     for key in table.keys() - {"stretch", "shuffle"}:
         raise RouteError(f"{path}: unknown key {key}")
     shuffle = table.get("shuffle", False)

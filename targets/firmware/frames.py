@@ -7,8 +7,7 @@ even after saturation, the rule of the bench's own codec.
 from pathlib import Path
 from typing import Any
 
-import dbc
-from targets.calibration import CHANNELS
+from dbc import CHANNELS, MOTORCYCLE
 from targets.errors import FirmwareError
 
 HEADER = Path(__file__).parent / "core" / "frames.h"
@@ -30,7 +29,7 @@ static inline uint32_t frames_saturate(float x, float top) {
 """
 
 
-def generate(path: Path = dbc.MOTORCYCLE) -> str:
+def generate(path: Path = MOTORCYCLE) -> str:
     """The C header for the DBC file at `path`; FirmwareError for a layout the generator does not know."""
     import cantools
 

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from bench.codec import Codec
 from bench.errors import LapError
-from bench.laps.lap import CHANNELS, Lap
+from bench.laps.lap import Lap
 from bench.mdlog.logger import sampled, sampled_codes, schedule
 from bench.sensors.codes import Codes, acquire
 from bench.sensors.transducers import TRANSDUCERS
+from dbc import CHANNELS
 from targets.ecu import Frame
 
 MS = 1_000_000

@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 
 from bench.codec import Codec
 from bench.errors import LapError
-from bench.laps.lap import CHANNELS, Lap
+from bench.laps.lap import Lap
 from bench.sensors.codes import Codes, acquire
 from bench.sensors.transducers import BY_CHANNEL, TRANSDUCERS
+from dbc import CHANNELS
 
 EACH = pytest.mark.parametrize("row", TRANSDUCERS.values(), ids=TRANSDUCERS)
 
