@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from bench.cli.options import BusName, Elf, Host, Model, build_ecu
+from bench.cli.stop import stoppable
 
 
 def ecu(
@@ -13,25 +14,25 @@ def ecu(
     on: Host = "mcu",
     model: Model = None,
     elf: Elf = None,
-    seconds: Annotated[float | None, typer.Option(help="Stop after so long.  [default: Ctrl-C]")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=0, help="Stop after so long.  [default: Ctrl-C]")
+    ] = None,
 ) -> None:
     """Put an ECU on a live CAN bus, in wall time, until Ctrl-C."""
-    from rich.console import Console
-
     from bench.bus.live import LiveBus
-    from bench.live import serve
+    from bench.live import rehearse, serve
 
     build = build_ecu(name, on, model, elf)
     device = build.power_on()
-    console = Console(stderr=True)
-    with LiveBus(bus) as live:
+    with LiveBus(bus) as live, stoppable():
         try:
+            rehearse(build.power_on())
             sent = serve(
                 device,
                 live,
                 seconds=seconds,
-                ready=lambda: console.print(f"ecu {name} on {bus}, running on {on}; Ctrl-C ends it"),
+                ready=lambda: typer.echo(f"ecu {name} on {bus}, running on {on}; Ctrl-C ends it", err=True),
             )
         except KeyboardInterrupt:
             return
-    console.print(f"{sent} frames sent")
+    typer.echo(f"{sent} frames sent", err=True)

@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from bench.cli import demo, ecu, lap, replay, run, train
+from bench.cli import demo, doctor, ecu, lap, replay, run, train
 from bench.errors import BenchError
 from targets.errors import TargetError
 
@@ -21,6 +21,7 @@ app.add_typer(lap.app, name="lap")
 app.add_typer(train.app, name="train")
 app.command()(replay.replay)
 app.command()(ecu.ecu)
+app.command()(doctor.doctor)
 
 
 def main() -> None:

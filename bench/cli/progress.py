@@ -1,5 +1,6 @@
 """Progress bars on the error stream: the result alone goes to the output."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -8,17 +9,31 @@ if TYPE_CHECKING:
     from targets.narx.settings import Settings
     from targets.narx.train import Progress
 
+REFRESH_S = 0.1
+
 
 @contextmanager
 def lap_progress(duration_ns: int) -> Iterator[Callable[[int], None]]:
-    """A bar for one ride; yields what to call with the instant reached, ns."""
+    """A bar for one ride, nothing where no one looks; yields what to call with the instant reached, ns."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("riding"), BarColumn(), TextColumn("{task.completed:.0f} s"), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    screen = Console(stderr=True)
+    # Drawn when told, not by a thread: a live replay may not be held up while it is on time.
+    with Progress(
+        *columns, console=screen, transient=True, auto_refresh=False, disable=not screen.is_terminal
+    ) as bar:
         task = bar.add_task("", total=duration_ns / 1e9)
-        yield lambda t_ns: bar.update(task, completed=t_ns / 1e9)
+        drawn = 0.0
+
+        def tell(t_ns: int) -> None:
+            nonlocal drawn
+            if time.monotonic() - drawn >= REFRESH_S:
+                bar.update(task, completed=t_ns / 1e9, refresh=True)
+                drawn = time.monotonic()
+
+        yield tell
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from bench.cli.options import BusName, Faults
+from bench.cli.stop import stoppable
 
 
 def replay(
@@ -25,7 +26,8 @@ def replay(
 ) -> None:
     """Replay a lap onto a live CAN bus at its own pace; with --ecu also listen and judge.
 
-    Exit code 0: replayed in time (with --ecu: and passed). 1: any other verdict. 2: bad input.
+    Exit code 0: replayed in time (with --ecu: and passed). 1: any other verdict. 2: bad input, or a bus that
+    went away. 130: stopped before the end, nothing written.
     """
     from rich.console import Console
 
@@ -50,8 +52,12 @@ def replay(
     ridden = read_lap(lap)
     _, insertions, frames = prepare(ridden, specs, (), "replay", codec)
     watch = Watch(codec, ecu) if ecu else None
-    with LiveBus(bus) as live, lap_progress(ridden.duration_ns) as tell:
-        done = play(frames, live, watch, tell)
+    try:
+        with LiveBus(bus) as live, stoppable(), lap_progress(ridden.duration_ns) as tell:
+            done = play(frames, live, watch, tell)
+    except KeyboardInterrupt:
+        typer.echo("bench: replay: stopped before the lap's end; no verdict, nothing written", err=True)
+        raise typer.Exit(130) from None
     console = Console()
     for name, channels in frames.unsent.items():
         console.print(f"not sent: {name}, the lap lacks {', '.join(channels)}", highlight=False)
