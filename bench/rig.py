@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bench.bus.timed import Delivered, Load, TimedBus
+from bench.errors import BusError
 from bench.mdlog.logger import NODE, Schedule
 from bench.watch import Watch
 from targets.ecu import Ecu
@@ -14,6 +15,9 @@ from targets.errors import FirmwareFault
 
 DRAIN_NS = 20_000_000
 """Past the last logger cycle the bus is watched on for two periods, so that the last answer is heard."""
+
+MOST_WAITING = 64
+"""Frames an ECU may have waiting for the bus: no controller queues that many, a runaway program does."""
 
 
 @dataclass(frozen=True)
@@ -40,14 +44,15 @@ def ride(
     """Put the frames of `schedule` on a timed bus with `ecu` until both are done.
 
     watch sees every frame. progress is called with the time reached, ns, about once a second of the lap.
-    An ECU that faults or stops answering ends the ride early, with the reason in `Ride.failure`.
+    An ECU that faults, stops answering, floods the bus or asks for what no bus carries ends the ride early,
+    with the reason in `Ride.failure`.
     """
     bus = TimedBus(bitrate)
     frames: list[Delivered] = []
     source = iter(schedule)
     upcoming = next(source, None)
     end_ns = (int(schedule.t_ns[-1]) if len(schedule) else 0) + DRAIN_NS
-    handle, now_ns, told_ns = 0, 0, 0
+    handle, now_ns, told_ns, waiting = 0, 0, 0, 0
     failure = None
     try:
         while True:
@@ -58,6 +63,10 @@ def ride(
             request = ecu.advance(now_ns)
             if request is not None:
                 bus.submit(request.t_ns, ecu.name, request.handle, request.frame)
+                waiting += 1
+                if waiting > MOST_WAITING:
+                    failure = f"ECU floods the bus: {waiting} frames wait at {now_ns / 1e9:.9g} s"
+                    break
                 continue
             if now_ns >= end_ns:
                 break
@@ -76,12 +85,13 @@ def ride(
             if delivered.node == NODE:
                 ecu.receive(delivered.frame, now_ns)
             else:
+                waiting -= 1
                 ecu.sent(delivered.handle, now_ns)
                 watch.heard(delivered.frame, now_ns)
             if progress is not None and now_ns - told_ns >= 1_000_000_000:
                 told_ns = now_ns
                 progress(now_ns)
-    except FirmwareFault as fault:
+    except (FirmwareFault, BusError) as fault:
         failure = f"{fault.side}: {fault}"
     else:
         failure = failure or watch.unanswered(now_ns)

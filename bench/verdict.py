@@ -107,6 +107,8 @@ def _outcome(
 
 
 def _unusable(watch: Watch) -> str | None:
+    if watch.garbled:
+        return f"unreadable answer: {watch.garbled}"
     if watch.missed_inputs:
         return f"frames lost: the ECU missed {watch.missed_inputs} input cycles"
     if watch.overruns:

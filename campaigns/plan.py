@@ -18,7 +18,7 @@ MS = 1_000_000
 class Campaign(BaseModel):
     """A validated campaign file; see `demo.toml` for what the fields mean."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     title: str
     stands_for: str
@@ -58,7 +58,10 @@ def load(name: str) -> Campaign:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise CampaignError(f"{path}: {where}: {first['msg'].lower()} (is {first['input']!r})") from None
+        found = "" if first["type"] == "missing" else f" (is {first['input']!r})"
+        raise CampaignError(f"{path}: {where}: {first['msg'].lower()}{found}") from None
+    if FAULT_FREE in campaign.faults:
+        raise CampaignError(f"{path}: faults: {FAULT_FREE!r} is the laps without one")
     low, high = campaign.fault_window_s
     if low > high:
         raise CampaignError(f"{path}: fault_window_s: {low} s comes after {high} s")

@@ -2,10 +2,13 @@
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 
+from campaigns.errors import CampaignError
 from campaigns.plan import Trial
 from campaigns.trial import Result, carry_out
 from targets.ecus import Build
@@ -19,7 +22,10 @@ def run(
     workers: int | None = None,
     done: Callable[[Result], None] | None = None,
 ) -> list[Result]:
-    """Carry out `trials` in `workers` processes (all cores if None); done is told of each as it ends."""
+    """Carry out `trials` in `workers` processes (all cores if None); done is told of each as it ends.
+
+    Raises CampaignError if a worker was killed from outside.
+    """
     count = min(workers or os.cpu_count() or 1, len(trials))
     if count <= 1:
         results = []
@@ -37,6 +43,9 @@ def run(
                 by_id[result.trial.id] = result
                 if done:
                     done(result)
+        except BrokenProcessPool:
+            left = len(trials) - len(by_id)
+            raise CampaignError(f"a worker was killed, {left} of {len(trials)} trials not done") from None
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
@@ -56,6 +65,8 @@ def _context() -> multiprocessing.context.BaseContext:
 def _start(build: Build) -> None:
     global _build  # noqa: PLW0603  # a worker's one build, handed over once instead of with every trial
     _build = build
+    # Ctrl-C reaches the whole group: the parent ends the pool, the workers say nothing of their own.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _carry_out(trial: Trial) -> Result:

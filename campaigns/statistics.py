@@ -79,11 +79,8 @@ def alarm_rate_bound(alarms: int, hours: float) -> float:
 
 
 def _poisson_cdf(k: int, mean: float) -> float:
-    term = total = math.exp(-mean)
-    for i in range(1, k + 1):
-        term *= mean / i
-        total += term
-    return total
+    # sum of e^-m m^i / i!, by logarithms: e^-m alone is zero in floating point from m = 746 on
+    return math.fsum(math.exp(i * math.log(mean) - mean - math.lgamma(i + 1)) for i in range(k + 1))
 
 
 def mean_and_deviation(n: int, total: float, squares: float) -> tuple[float, float]:

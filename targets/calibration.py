@@ -6,7 +6,6 @@ numbers the ECU computes with; their decimal text gives them back exactly.
 """
 
 import json
-import math
 import struct
 import zlib
 from dataclasses import dataclass, field, replace
@@ -75,7 +74,17 @@ class Calibration:
         _bound("floor_mm", self.detector.floor_mm, 1e-6, 1e3)
         for name in self.network.inputs:
             if name not in CHANNELS:
-                raise CalibrationError(f"unknown input {name}; the ECU knows {', '.join(CHANNELS)}")
+                raise CalibrationError(f"unknown input {name!r}; the ECU knows {', '.join(CHANNELS)}")
+        # Wider than any sensor, and far from what single precision could not hold.
+        for name, (low, high) in zip(
+            (*self.network.inputs, self.network.output),
+            (*self.network.input_ranges, self.network.output_range),
+            strict=True,
+        ):
+            _bound(f"range of {name!r}: low end", low, -1e6, 1e6)
+            _bound(f"range of {name!r}: high end", high, -1e6, 1e6)
+            _bound(f"range of {name!r}: width", high - low, 1e-6, 2e6)
+        _bound("initial_mm", self.network.initial_mm, -1e6, 1e6)
         if self.detector.feedback not in ("predicted", "measured"):
             raise CalibrationError(f"feedback {self.detector.feedback!r} is neither predicted nor measured")
         size = len(self.image())
@@ -176,12 +185,14 @@ def loads(text: str | bytes, source: str = "calibration") -> Calibration:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise CalibrationError(f"{source}: not a {FORMAT} file")
     version = document.get("version")
-    if version != VERSION:
+    if isinstance(version, bool) or version != VERSION:
         raise CalibrationError(f"{source}: version {version!r}, this strokebench reads version {VERSION}")
     try:
         calibration = _build(document)
     except CalibrationError as error:
         raise CalibrationError(f"{source}: {error}") from None
+    except RecursionError:
+        raise CalibrationError(f"{source}: nested too deeply") from None
     if document.get("checksum") != calibration.checksum:
         raise CalibrationError(
             f"{source}: checksum {document.get('checksum')!r} does not match the content "
@@ -267,7 +278,7 @@ def _get(table: dict[str, Any], key: str, kind: type) -> Any:
 
 def _number(table: dict[str, Any], key: str) -> float:
     value = table.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if not _is_number(value):
         raise CalibrationError(f"{key} is {value!r}, not a finite number")
     return float(value)
 
@@ -293,9 +304,14 @@ def _vector(values: list[Any], key: str) -> "NDArray[np.float64]":
     import numpy as np
 
     for value in values:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 3e38:
+        if not _is_number(value):
             raise CalibrationError(f"{key} holds {value!r}, not a finite number")
     return np.array(values, dtype=np.float64)
+
+
+def _is_number(value: Any) -> bool:
+    """A number that single precision can hold; NaN is not, nor is an integer too long for any float."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 3e38
 
 
 def _bound(name: str, value: float, low: float, high: float) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from targets.calibration import Calibration
 from targets.ecu import Frame, Transmission
-from targets.errors import CalibrationError, FirmwareFault
+from targets.errors import CalibrationError, FirmwareError, FirmwareFault
 from targets.mcu import bxcan, state
 from targets.mcu.image import FLASH, Image
 from targets.mcu.machine import TRANSMIT, Stm32f405
@@ -18,7 +18,7 @@ class EmulatedEcu:
     """`image` with `calibration` on the MCU, powered at `power_on_ns`, on a bus of `bitrate` bit/s.
 
     mcu: the machine itself, to look into and to tamper with.
-    Raises CalibrationError if the image's calibration section is too small.
+    Raises CalibrationError if the image's calibration section is too small, FirmwareError if it has none.
     """
 
     def __init__(
@@ -38,6 +38,8 @@ class EmulatedEcu:
         if len(content) > room:
             raise CalibrationError(f"image of {len(content)} bytes exceeds the firmware's section of {room}")
         self.calibration_at = image.symbol(CALIBRATION_SYMBOL) - FLASH
+        if not 0 <= self.calibration_at <= len(self.mcu.flash) - len(content):
+            raise FirmwareError(f"{image.source}: symbol {CALIBRATION_SYMBOL} lies outside flash")
         self.mcu.flash[self.calibration_at :][: len(content)] = np.frombuffer(content, dtype=np.uint8)
 
     def advance(self, t_ns: int) -> Transmission | None:

@@ -54,6 +54,8 @@ class HostEcu:
 
     def receive(self, frame: Frame, t_ns: int) -> None:
         """Take in a frame; a completed input cycle is answered at the same instant."""
+        if frame.extended:
+            return  # another identifier than the standard one of the same number
         data = (ctypes.c_uint8 * 8)(*frame.data)
         received = _CanFrame(frame.id, len(frame.data), data)
         if self._core.ecu_receive(self._ecu, ctypes.byref(received)):

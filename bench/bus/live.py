@@ -3,11 +3,31 @@
 Belongs here: python-can messages to frames and back. Never: pacing (clocks), what a frame means.
 """
 
+import logging
+import socket
+import time
 from types import TracebackType
-from typing import Self
+from typing import Any, NamedTuple, Self
 
 from bench.errors import BusError
 from targets.ecu import Frame
+
+RECEIVE_BUFFER = 2 * 1024 * 1024
+"""Bytes asked of the kernel for frames not read yet; its default holds 278 frames, 35 ms of a full bus."""
+
+_SO_RCVBUFFORCE = 33  # Linux; Python does not name it
+
+_OLDEST_S = 10.0
+"""An age beyond this is no age: the adapter stamps its frames from another epoch."""
+
+_MOST_SKIPPED = 64  # a bus full of error frames may not keep the caller from its own business
+
+
+class Heard(NamedTuple):
+    """A received frame, and how long ago it arrived: 0 if the interface cannot tell."""
+
+    frame: Frame
+    age_ns: int
 
 
 class LiveBus:
@@ -17,6 +37,8 @@ class LiveBus:
     """
 
     def __init__(self, name: str, bitrate: int = 500_000) -> None:
+        # Without a handler of its own python-can would say on the error stream what is raised here anyway.
+        logging.getLogger("can").addHandler(logging.NullHandler())
         import can
 
         interface, _, channel = name.partition(":")
@@ -27,8 +49,9 @@ class LiveBus:
         self._can = can
         try:
             self._bus = can.Bus(interface=interface, channel=channel or None, bitrate=bitrate)
-        except (can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError) as error:
+        except Exception as error:  # drivers of absent hardware raise whatever they meet
             raise BusError(f"{name}: cannot be opened: {_reason(error)}") from None
+        _enlarge_buffer(getattr(self._bus, "socket", None))
 
     def send(self, frame: Frame) -> None:
         """Put `frame` on the bus; BusError if the interface refuses it."""
@@ -38,15 +61,23 @@ class LiveBus:
         except (self._can.CanError, OSError) as error:
             raise BusError(f"{self.name}: cannot send {frame.id:#x}: {_reason(error)}") from None
 
-    def receive(self, timeout_s: float) -> Frame | None:
-        """The next data frame, None if none came within `timeout_s`; error and remote frames pass by."""
-        try:
-            message = self._bus.recv(timeout_s)
-        except (self._can.CanError, OSError) as error:
-            raise BusError(f"{self.name}: cannot receive: {_reason(error)}") from None
-        if message is None or message.is_error_frame or message.is_remote_frame or message.is_fd:
-            return None
-        return Frame(message.arbitration_id, bytes(message.data), message.is_extended_id)
+    def receive(self, timeout_s: float) -> Heard | None:
+        """The next data frame, None if none came within `timeout_s`; error, remote and FD frames pass by.
+
+        Once one of those has come it waits no longer. Raises BusError if the bus has gone away.
+        """
+        for _ in range(_MOST_SKIPPED):
+            try:
+                message = self._bus.recv(timeout_s)
+            except (self._can.CanError, OSError, ValueError) as error:
+                raise BusError(f"{self.name}: cannot receive: {_reason(error)}") from None
+            if message is None:
+                break
+            if not (message.is_error_frame or message.is_remote_frame or message.is_fd):
+                frame = Frame(message.arbitration_id, bytes(message.data), message.is_extended_id)
+                return Heard(frame, _age_ns(message.timestamp))
+            timeout_s = 0.0
+        return None
 
     def __enter__(self) -> Self:
         return self
@@ -55,6 +86,23 @@ class LiveBus:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bus.shutdown()
+
+
+def _age_ns(stamp_s: float) -> int:
+    age_s = time.time() - stamp_s
+    return int(age_s * 1e9) if 0 <= age_s <= _OLDEST_S else 0
+
+
+def _enlarge_buffer(endpoint: Any) -> None:
+    """Ask for a longer receive queue, so that a pause of the process loses no frame."""
+    if not isinstance(endpoint, socket.socket):
+        return
+    for option in (_SO_RCVBUFFORCE, socket.SO_RCVBUF):  # the first may pass the system's limit, as root
+        try:
+            endpoint.setsockopt(socket.SOL_SOCKET, option, RECEIVE_BUFFER)
+        except OSError:
+            continue
+        return
 
 
 def _reason(error: BaseException) -> str:

@@ -30,14 +30,15 @@ def demo(
         MofNCompleteColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=side, transient=True) as bar:
+    # Drawn when a lap is done, not by a thread of its own: none may be running when the workers are forked.
+    with Progress(
+        *columns, console=side, transient=True, auto_refresh=False, disable=not side.is_terminal
+    ) as bar:
         task = bar.add_task("compiling, once", total=None)
+        bar.refresh()
         warm_up(trials[0], ecu)
-        bar.update(task, description="riding laps", total=len(trials))
-        # The bar's own thread must not be running when the workers are forked.
-        bar.stop()
-        bar.start()
-        results = run(trials, ecu, workers, lambda _: bar.advance(task))
+        bar.update(task, description="riding laps", total=len(trials), refresh=True)
+        results = run(trials, ecu, workers, lambda _: bar.update(task, advance=1, refresh=True))
     console.print(f"[bold]{campaign.title}[/]: {campaign.stands_for}", highlight=False)
     console.print(
         f"{len(trials)} laps of route {campaign.route}, seeds {trials[0].lap_seed}-{trials[-1].lap_seed}; "

@@ -29,12 +29,15 @@ def main() -> None:
     try:
         app()
     except (BenchError, TargetError) as error:
-        sys.exit(_refuse(error))
+        sys.exit(_refuse(error.side, str(error)))
+    except OSError as error:
+        # What no room has put into words: a path the system will not even look at, a disk that is full.
+        name = f"{error.filename}: " if error.filename else ""
+        sys.exit(_refuse("system", f"{name}{error.strerror or error}"))
 
 
-def _refuse(error: BenchError | TargetError) -> int:
-    line = " ".join(str(error).split())
-    print(f"bench: {error.side}: {line}", file=sys.stderr)
+def _refuse(side: str, reason: str) -> int:
+    print(f"bench: {side}: {' '.join(reason.split())}", file=sys.stderr)
     return 2
 
 

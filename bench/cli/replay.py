@@ -30,6 +30,7 @@ def replay(
     went away. 130: stopped before the end, nothing written.
     """
     from rich.console import Console
+    from rich.markup import escape
 
     from bench.bus.live import LiveBus
     from bench.cli.progress import lap_progress
@@ -71,6 +72,7 @@ def replay(
         f"{result['frames_sent']} frames sent, {result['frames_heard']} heard; late by "
         f"{done.worst_late_ns / 1e6:.2f} ms at worst, {done.mean_late_ns / 1e6:.2f} ms on average",
         highlight=False,
+        soft_wrap=True,
     )
     if watch:
         verdict = judge(watch, insertions, done.failure)
@@ -79,9 +81,10 @@ def replay(
         for name in ("t_active", "t_alarm", "td"):
             value = getattr(verdict, f"{name}_ns")
             result[f"{name}_s"] = None if value is None else value / 1e9
-        console.print(f"[bold]{verdict.outcome}[/]  {verdict.reason}", highlight=False)
+        reason = escape(verdict.reason)
+        console.print(f"[bold]{verdict.outcome}[/]  {reason}", highlight=False, soft_wrap=True)
     elif done.failure:
-        console.print(done.failure)
+        console.print(done.failure, highlight=False, markup=False, soft_wrap=True)
     if record_out:
         record(record_out, done.frames)
     if json_out:

@@ -90,11 +90,13 @@ def _provenance(build: "Build", lap: Path, digest: str) -> dict[str, Any]:
 
 def _print(done: "Run", build: "Build", result: dict[str, Any], device: Any) -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     verdict, colour = done.verdict, "green" if done.verdict.outcome.passed else "red"
     console = Console()
-    console.print(f"[bold {colour}]{verdict.outcome}[/]  {verdict.reason}", highlight=False)
+    reason = escape(verdict.reason)
+    console.print(f"[bold {colour}]{verdict.outcome}[/]  {reason}", highlight=False, soft_wrap=True)
     table = Table(box=None, show_header=False, pad_edge=False)
     for name in ("t_cmd_s", "t_active_s", "t_obs_s", "t_alarm_s", "t_heal_s", "td_s"):
         if result[name] is not None:

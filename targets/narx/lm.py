@@ -3,7 +3,7 @@
 Belongs here: the damped step and its acceptance. Never: a network, data, a decision when to stop.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -37,28 +37,23 @@ class Iterate(NamedTuple):
     mu: float
 
 
-def descend(draw: Callable[[], Problem], theta: Floats) -> Iterator[Iterate]:
-    """Yield iterate after iterate of `draw()`'s minimisation, until no step lowers the cost any more.
-
-    draw: called once an iteration; it may give the same problem each time or another sample of it.
-    """
-    mu = MU_START
-    while True:
-        found = _step(draw(), theta, mu)
-        if found is None:
-            return
-        theta, _, mu = found
+def descend(problem: Problem, theta: Floats) -> Iterator[Iterate]:
+    """Yield iterate after iterate from theta (P,) on, until no step lowers the cost any more."""
+    at = Iterate(theta, problem.cost(theta), MU_START)
+    while (found := _step(problem, at)) is not None:
+        at = found
         yield found
 
 
-def _step(problem: Problem, theta: Floats, mu: float) -> Iterate | None:
+def _step(problem: Problem, at: Iterate) -> Iterate | None:
     """One iteration: (J'J + mu D) step = J'e, with the damping that lowers the cost most.
 
     The matrix costs far more than a solve and a cost, so after a success less damping is tried at once.
     """
+    theta, least, mu = at
     H, g = problem.normal(theta)
     found: Iterate | None = None
-    least, rising = problem.cost(theta), False
+    rising = False
     while MU_LEAST <= mu <= MU_MOST:
         step = _solve(H, g, mu)
         cost = problem.cost(theta - step) if step is not None else np.inf

@@ -84,7 +84,7 @@ class Objective:
     def __init__(
         self, segments: Segments, neurons: int, closed: bool, decay: float, device: str, single: bool
     ) -> None:
-        self.torch = load_torch()
+        self.torch = load_torch(device)
         self.segments, self.neurons, self.closed, self.decay = segments, neurons, closed, decay
         self.device = device
         self.dtype = self.torch.float32 if single else self.torch.float64
@@ -150,10 +150,17 @@ class Objective:
                     yield block[: len(work)].reshape(-1, theta.size + 1)
 
 
-def load_torch() -> Any:
-    """Import torch, which only training needs; raises TrainingError that says how to install it."""
+def load_torch(device: str) -> Any:
+    """Import torch, which only training needs, and see that it has `device`.
+
+    Raises TrainingError that says how to install it, or what is wrong with the device.
+    """
     try:
         import torch
     except ImportError:
         raise TrainingError("training needs PyTorch: pip install 'strokebench[train]'") from None
+    try:
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as error:  # the latter from builds without CUDA
+        raise TrainingError(f"device {device}: {str(error).splitlines()[0]}") from None
     return torch

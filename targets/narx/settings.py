@@ -1,0 +1,98 @@
+"""The training recipe as data: what is trained, in which stages, and what is reported."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from targets.errors import TrainingError
+from targets.narx.prepare import RANGES, Range
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Levenberg-Marquardt iterations on one kind of error.
+
+    closed: the parallel form (own outputs fed back), else the series-parallel form.
+    horizon: after so many samples the closed loop starts anew from what was measured; None: never. A
+    network that would not survive a whole ride is led there over growing horizons.
+    samples: train on so many, drawn once by segments of that length; None: on all.
+    """
+
+    name: str
+    closed: bool
+    iterations: int
+    horizon: int | None = None
+    samples: int | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in (
+            ("iterations", self.iterations),
+            ("horizon", self.horizon),
+            ("samples", self.samples),
+        ):
+            if value is not None and value < 1:
+                raise TrainingError(f"stage {self.name}: {name} is {value}, at least 1 is needed")
+
+
+SCREENING = (
+    Stage("series-parallel", closed=False, iterations=100, horizon=1000, samples=60_000),
+    Stage("parallel, 0.2 s", closed=True, iterations=10, horizon=20, samples=60_000),
+    Stage("parallel, 10 s", closed=True, iterations=30, horizon=1000, samples=60_000),
+)
+"""What every seed goes through."""
+
+REFINEMENT = (Stage("parallel", closed=True, iterations=80),)
+"""What the best seed goes through after that."""
+
+SERIES_PARALLEL = (Stage("series-parallel", closed=False, iterations=1000),)
+"""Section III.1 to the letter: the closed loop is first tried when training has ended."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to train; the defaults are N = 15, d = 10 of section III.1 and the recipe that did best.
+
+    delays, shift, washout: samples; the first `washout` of a run are not counted, the loop starts there.
+    seeds: one network each goes through `screening`, the best through `refinement`.
+    relative: errors are divided by the measured output, as Er divides them (eq. III.2), or by `floor`
+    where it is less; else plain squared errors, for outputs that pass through 0. Er or RMSE then judges.
+    decay: weight of |theta|^2 beside the mean squared error.
+    held_out: share of the runs that end a stage, by their one-step error in the series-parallel form and
+    by their free run in the parallel form, and by the latter choose the seed.
+    patience: iterations of a stage without a better judgement before it ends.
+    initial: what the fed-back delay line starts from; None: the median of the output.
+    edit: apply `prepare.edit_outliers` to every channel first.
+    device: where matrices are multiplied, "cpu" or "cuda". single: their blocks in float32.
+    Raises TrainingError for a value out of range.
+    """
+
+    neurons: int = 15
+    delays: int = 10
+    shift: int = 0
+    washout: int = 100
+    seeds: tuple[int, ...] = (0, 1, 2)
+    screening: tuple[Stage, ...] = SCREENING
+    refinement: tuple[Stage, ...] = REFINEMENT
+    relative: bool = True
+    floor: float = 1.0
+    decay: float = 1e-7
+    held_out: float = 0.15
+    patience: int = 20
+    initial: float | None = None
+    edit: bool = False
+    ranges: Mapping[str, Range] = field(default_factory=lambda: dict(RANGES))
+    device: str = "cpu"
+    single: bool = True
+
+    def __post_init__(self) -> None:
+        least = {"neurons": 1, "delays": 1, "shift": 0, "washout": 0, "patience": 1, "decay": 0.0}
+        for name, bound in least.items():
+            if not getattr(self, name) >= bound:
+                raise TrainingError(f"{name} is {getattr(self, name)}, at least {bound} is needed")
+        if not 0.0 < self.held_out < 1.0:
+            raise TrainingError(f"held_out is {self.held_out}, a share between 0 and 1 is needed")
+        if not self.floor > 0.0:
+            raise TrainingError(f"floor is {self.floor}, more than 0 is needed")
+        if not self.seeds or not self.screening:
+            raise TrainingError("a seed and a screening stage are needed")
+        if min(self.seeds) < 0:
+            raise TrainingError(f"seed {min(self.seeds)} is negative")

@@ -1,0 +1,239 @@
+"""Training a NARX network: seeds screened, the best refined, judged by runs it was not trained on.
+
+Belongs here: the procedure, from channels to a network and a report. Never: a file, a screen.
+The recipe departs from section III.1 in one thing: after the series-parallel stage the *parallel* error
+is minimised, since that is the form which is deployed. `settings.SERIES_PARALLEL` is the thesis's own.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from targets.errors import TrainingError
+from targets.narx import measures
+from targets.narx.jacobian import unpacked
+from targets.narx.lm import descend
+from targets.narx.network import Narx
+from targets.narx.objective import Objective, load_torch
+from targets.narx.ready import Ready, Run
+from targets.narx.sequences import Sequences
+from targets.narx.settings import Settings, Stage
+
+Floats = NDArray[np.float64]
+
+
+class Progress(NamedTuple):
+    """One iteration done.
+
+    judge: held-out Er in percent (RMSE where errors are not relative), of the form the stage trains.
+    """
+
+    seed: int
+    stage: str
+    iteration: int
+    iterations: int
+    cost: float
+    judge: float
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Free-run figures over some runs, washout not counted: Er (eq. III.2), RMSE, skill (see measures)."""
+
+    er_percent: float
+    rmse: float
+    skill: float
+
+
+@dataclass
+class Candidate:
+    """What became of one seed. judges: held-out Er in percent (or RMSE) of its free run after each stage."""
+
+    seed: int
+    judges: dict[str, float] = field(default_factory=dict)
+    iterations: int = 0
+    stable: bool = False
+    theta: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
+    judge: float = np.inf
+
+
+@dataclass(frozen=True)
+class Report:
+    """What the training did. candidates: every seed, the refined one included; chosen: its seed.
+
+    training, held_out: quality of the network's free run; the held-out runs chose it, so runs that had
+    no part in this are still needed for an honest figure. edited: share of samples replaced, by channel.
+    """
+
+    candidates: tuple[Candidate, ...]
+    chosen: int
+    training: Quality
+    held_out: Quality
+    samples: int
+    edited: dict[str, float]
+    interrupted: bool
+
+
+class TrainingResult(NamedTuple):
+    """A network and how it came about."""
+
+    network: Narx
+    report: Report
+
+
+def train(
+    data: Sequences, settings: Settings | None = None, progress: Callable[[Progress], None] | None = None
+) -> TrainingResult:
+    """Train a network for data.output on data.inputs.
+
+    Every seed goes through the screening stages, the best one that is stable through the refinement.
+    The same data and settings give the same weights, byte for byte, on one machine with one number of
+    threads. KeyboardInterrupt ends the training with the best network so far.
+    Raises TrainingError for data that cannot be trained on, and if no seed gave a network whose free run
+    stays finite, within the output's range (half of it beyond at most), and better than a constant.
+    """
+    job = _Job(data, settings or Settings(), progress or (lambda _: None))
+    candidates: list[Candidate] = []
+    interrupted = False
+    try:
+        for seed in job.settings.seeds:
+            candidates.append(Candidate(seed))
+            job.run(candidates[-1], job.settings.screening)
+        best = _best(candidates)
+        if best is not None:
+            job.run(best, job.settings.refinement)
+    except KeyboardInterrupt:
+        interrupted = True
+        for candidate in candidates:
+            job.appraise(candidate)
+    best = _best(candidates)
+    if best is None:
+        seeds = ", ".join(str(candidate.seed) for candidate in candidates)
+        raise TrainingError(
+            f"no stable network: on held-out runs every free run diverges or is no better than a constant "
+            f"(seeds {seeds})"
+        )
+    network = job.network(best.theta)
+    report = Report(
+        tuple(candidates),
+        best.seed,
+        job.quality(network, job.data.training),
+        job.quality(network, job.data.held_out),
+        job.data.samples,
+        job.data.edited,
+        interrupted,
+    )
+    return TrainingResult(network, report)
+
+
+def _best(candidates: list[Candidate]) -> Candidate | None:
+    stable = [candidate for candidate in candidates if candidate.stable]
+    return min(stable, key=lambda candidate: candidate.judge, default=None)
+
+
+class _Job:
+    """One call of `train`: what is done to a candidate."""
+
+    def __init__(self, data: Sequences, settings: Settings, progress: Callable[[Progress], None]) -> None:
+        load_torch(settings.device)  # before any work
+        self.source, self.data = data, Ready(data, settings)
+        self.settings, self.progress = settings, progress
+
+    def run(self, candidate: Candidate, stages: tuple[Stage, ...]) -> None:
+        """Lead a candidate through `stages`; at any moment it holds its best theta so far."""
+        rng = np.random.Generator(np.random.PCG64([candidate.seed, candidate.iterations]))
+        if not candidate.theta.size:
+            candidate.theta = self._first(rng)
+        for stage in stages:
+            self._run_stage(candidate, stage, rng)
+        self.appraise(candidate)
+
+    def appraise(self, candidate: Candidate) -> None:
+        """Judge the free run of the theta a candidate holds; without one it is not stable."""
+        if candidate.theta.size:
+            candidate.judge = self.judge(candidate.theta, closed=True)
+            candidate.stable = self.stable(candidate.theta)
+
+    def _run_stage(self, candidate: Candidate, stage: Stage, rng: np.random.Generator) -> None:
+        s = self.settings
+        segments = self.data.segments(stage.horizon)
+        count, length = segments.measured.shape
+        taken = count if stage.samples is None else min(count, -(-stage.samples // length))
+        if taken < count:
+            segments = segments.taken(np.sort(rng.permutation(count)[:taken]))
+        problem = Objective(segments, s.neurons, stage.closed, s.decay, s.device, s.single)
+        iterates = descend(problem, candidate.theta)
+        # each form is judged by its own error: how well a series-parallel network free-runs along its way
+        # says little of the parallel network it leads to
+        best, last_better = self.judge(candidate.theta, stage.closed), 0
+        for k, (theta, cost, _) in enumerate(islice(iterates, stage.iterations), start=1):
+            judge = self.judge(theta, stage.closed)
+            candidate.iterations += 1
+            if judge < best:
+                candidate.theta, best, last_better = theta, judge, k
+            self.progress(Progress(candidate.seed, stage.name, k, stage.iterations, cost, judge))
+            if k - last_better >= s.patience:
+                break
+        candidate.judges[stage.name] = self.judge(candidate.theta, closed=True)
+
+    def _first(self, rng: np.random.Generator) -> Floats:
+        """Random weights that leave the neurons where their curve bends, neither linear nor saturated."""
+        N = self.settings.neurons
+        n_x = len(self.data.names) * self.settings.delays
+        W1 = rng.uniform(-1.0, 1.0, N * n_x) * np.sqrt(0.75 / n_x)
+        return np.concatenate([W1, rng.uniform(-1.0, 1.0, N), rng.uniform(-0.3, 0.3, N), [0.0]])
+
+    def network(self, theta: Floats) -> Narx:
+        """Return the network of theta, in physical units."""
+        s, *inputs, output = self.settings, *self.data.names
+        return Narx(
+            tuple(inputs),
+            output,
+            s.delays,
+            tuple(s.ranges[name] for name in inputs),
+            s.ranges[output],
+            *unpacked(theta, s.neurons),
+            self.data.initial,
+            s.shift,
+            self.source.rate_hz,
+        )
+
+    def judge(self, theta: Floats, closed: bool) -> float:
+        """Held-out Er in percent, or RMSE where errors are not relative; of the free run, or of one step."""
+        network = self.network(theta)
+        pairs = [
+            (network.free_run(u) if closed else network.one_step(u, y), y) for u, y in self.data.held_out
+        ]
+        yp, yt = self._joined(pairs)
+        if self.settings.relative:
+            return measures.relative_error(yp, yt, self.settings.floor)
+        return measures.rmse(yp, yt)
+
+    def stable(self, theta: Floats) -> bool:
+        """Whether the free run of theta diverges on no held-out run, as `train` says."""
+        network = self.network(theta)
+        lo, hi = network.output_range
+        margin = 0.5 * (hi - lo)
+        pairs = [(network.free_run(u), y) for u, y in self.data.held_out]
+        # comparisons with NaN are false
+        inside = all(bool(np.all((yp > lo - margin) & (yp < hi + margin))) for yp, _ in pairs)
+        yp, yt = self._joined(pairs)
+        return inside and measures.rmse(yp, yt) < float(np.std(yt))
+
+    def quality(self, network: Narx, runs: list[Run]) -> Quality:
+        """Figures of a network's free run over `runs`."""
+        yp, yt = self._joined([(network.free_run(u), y) for u, y in runs])
+        return Quality(measures.relative_error(yp, yt), measures.rmse(yp, yt), measures.skill(yp, yt))
+
+    def _joined(self, pairs: list[Run]) -> Run:
+        """Put runs of (predicted, measured) behind one another, without their washout."""
+        predicted, measured = zip(*pairs, strict=True)
+        begin = self.settings.washout
+        return (
+            np.concatenate([values[begin:] for values in predicted]),
+            np.concatenate([values[begin:] for values in measured]),
+        )

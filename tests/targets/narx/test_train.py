@@ -1,0 +1,269 @@
+import builtins
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from targets.errors import TrainingError
+from targets.narx import train as room
+from targets.narx.measures import relative_error, skill
+from targets.narx.sequences import Sequences
+from targets.narx.settings import Settings, Stage
+from targets.narx.train import train
+
+BRIEF = Settings(
+    neurons=4,
+    delays=4,
+    washout=30,
+    seeds=(0, 1),
+    screening=(
+        Stage("open", closed=False, iterations=12),
+        Stage("closed, short", closed=True, iterations=5, horizon=20, samples=1500),
+    ),
+    refinement=(Stage("closed", closed=True, iterations=10),),
+)
+"""Enough for the small system, in about a second."""
+QUICK = replace(BRIEF, seeds=(3,), screening=(Stage("open", closed=False, iterations=3),), refinement=())
+
+
+@pytest.fixture(scope="module")
+def result(rides):
+    return train(rides(), BRIEF)
+
+
+def test_accuracy_on_unseen_rides(result, rides):
+    """A trained network predicts unseen rides within 3 % and far better than the best constant."""
+    for u, y in rides(3, 700, first_seed=100).runs:
+        predicted = result.network.free_run(u)[30:]
+        assert relative_error(predicted, y[30:]) < 3.0
+        assert skill(predicted, y[30:]) > 0.8
+
+
+def test_closed_loop_stages_help(result):
+    """The parallel stages leave every seed better than the series-parallel stage did."""
+    for candidate in result.report.candidates:
+        assert candidate.judges["closed, short"] < candidate.judges["open"]
+    chosen = next(c for c in result.report.candidates if c.seed == result.report.chosen)
+    assert chosen.judges["closed"] < chosen.judges["closed, short"]
+
+
+def test_the_best_seed_is_chosen(result):
+    """All seeds are reported, only the best one is refined, and none was better in the end."""
+    candidates = result.report.candidates
+    assert [c.seed for c in candidates] == [0, 1]
+    refined = [c.seed for c in candidates if "closed" in c.judges]
+    assert refined == [result.report.chosen]
+    screened = {c.seed: c.judges["closed, short"] for c in candidates}
+    assert screened[result.report.chosen] == min(screened.values())
+
+
+def test_report_agrees_with_the_network(result, rides):
+    """The reported held-out Er is that of the returned network's free run on the run held out."""
+    u, y = rides().runs[3]  # one of six: the middle one
+    expected = relative_error(result.network.free_run(u)[30:], y[30:])
+    assert result.report.held_out.er_percent == pytest.approx(expected, rel=1e-12)
+    assert result.report.samples == 5 * (700 - 30)
+
+
+def test_same_seed_same_weights(rides):
+    """The same data and settings give the same bytes of weights; another seed gives others."""
+    settings = replace(BRIEF, seeds=(1,), refinement=BRIEF.refinement[:1])
+    first, second, other = (
+        train(rides(3, 300), s).network for s in (settings, settings, replace(settings, seeds=(2,)))
+    )
+    assert first.W1.tobytes() == second.W1.tobytes()
+    assert first.W1.tobytes() != other.W1.tobytes()
+
+
+def test_shift(rides):
+    """A shift of 2 trains a network whose prediction at t is the stroke at t + 2."""
+    data = rides()
+    ahead = train(data, replace(QUICK, seeds=(0,), shift=2, screening=BRIEF.screening)).network
+    assert ahead.shift == 2
+    u, y = rides(1, 700, first_seed=100).runs[0]
+    predicted = ahead.free_run(u)
+    as_meant = relative_error(predicted[30:-2], y[32:])
+    assert as_meant < 0.8 * relative_error(predicted[32:], y[32:])
+
+
+def test_plain_errors_are_judged_by_rmse(rides):
+    """Where errors are not relative, iterates are judged by the RMSE in the output's unit."""
+    report = train(rides(), replace(BRIEF, seeds=(0,), relative=False)).report
+    assert report.candidates[0].judge == pytest.approx(report.held_out.rmse, rel=1e-12)
+
+
+def test_a_single_ride_is_split(rides):
+    """Of a single ride the end is held out."""
+    report = train(rides(1, 1000), replace(QUICK, held_out=0.2, screening=BRIEF.screening)).report
+    assert report.samples == 800 - 30
+
+
+def test_outliers_are_edited_only_when_asked(rides):
+    """Outlier editing is off by default; when on, the share replaced is reported by channel."""
+    data = rides()
+    u, y = (part.copy() for part in data.runs[0])
+    u[100:110, 0] = 150.0
+    data = replace(data, runs=((u, y), *data.runs[1:]))
+    assert train(data, BRIEF).report.edited == {}
+    edited = train(data, replace(BRIEF, edit=True)).report.edited
+    assert list(edited) == ["fork_stroke_mm", "speed_kmh", "rear_stroke_mm"]
+    assert edited["fork_stroke_mm"] >= 10 / 4200
+
+
+def test_progress(rides):
+    """Every iteration is told, with its stage and how many it may take."""
+    told = []
+    report = train(rides(), BRIEF, told.append).report
+    assert len(told) == sum(c.iterations for c in report.candidates)
+    assert [told[0].stage, told[0].iteration, told[0].iterations] == ["open", 1, 12]
+    assert told[-1].seed == report.chosen
+
+
+def test_patience(rides):
+    """A stage ends after so many iterations without a better judgement."""
+    told = []
+    stages = (Stage("open", closed=False, iterations=200),)
+    train(rides(), replace(QUICK, screening=stages, patience=2), told.append)
+    assert len(told) < 200
+    best = int(np.argmin([step.judge for step in told]))
+    assert len(told) == best + 1 + 2
+
+
+def test_interruption_keeps_the_best(rides):
+    """An interruption ends the training with the best network so far, and the report says so."""
+    told = []
+
+    def impatient(step):
+        told.append(step)
+        if step.stage == "closed, short" and step.iteration == 3:
+            raise KeyboardInterrupt
+
+    result = train(rides(), BRIEF, impatient)
+    assert result.report.interrupted
+    assert len(result.report.candidates) == 1
+    best = min(step.judge for step in told if step.stage == "closed, short")
+    assert result.report.candidates[0].judge == best
+
+
+def test_a_diverging_network_is_refused(rides, monkeypatch):
+    """If the free run of every seed leaves the output's range on held-out rides, there is no network."""
+    first = room._Job._first
+
+    def exploding(job, rng):
+        theta = first(job, rng)
+        theta[-1] = 50.0  # the output's bias: far outside the range, whatever is fed back
+        return theta
+
+    monkeypatch.setattr(room._Job, "_first", exploding)
+    monkeypatch.setattr(room, "descend", lambda problem, theta: iter(()))
+    with pytest.raises(TrainingError, match=r"diverges .* \(seeds 3, 4\)"):
+        train(rides(), replace(QUICK, seeds=(3, 4)))
+
+
+def test_a_network_no_better_than_a_constant_is_refused(rides, monkeypatch):
+    """A free run that stays within range but follows nothing is refused too."""
+    monkeypatch.setattr(room._Job, "_first", lambda job, rng: np.zeros(4 * (3 * 4 + 2) + 1))
+    monkeypatch.setattr(room, "descend", lambda problem, theta: iter(()))
+    with pytest.raises(TrainingError, match="no stable network"):
+        train(rides(), QUICK)
+
+
+def test_a_stable_seed_outlives_diverging_ones(rides, monkeypatch):
+    """A diverging seed is reported as unstable and another one is chosen."""
+    stable = room._Job.stable
+    calls = []
+
+    def first_fails(job, theta):
+        calls.append(theta)
+        return stable(job, theta) and theta.tobytes() != calls[0].tobytes()
+
+    monkeypatch.setattr(room._Job, "stable", first_fails)
+    report = train(rides(), BRIEF).report
+    assert [c.stable for c in report.candidates] == [False, True]
+    assert report.chosen == 1
+
+
+def test_settings_for_the_closed_loop_are_carried(result):
+    """The network carries the ranges, the rate, and the median stroke its delay line starts from."""
+    network = result.network
+    assert network.input_ranges == ((0.0, 150.0), (0.0, 200.0))
+    assert (network.neurons, network.delays, network.rate_hz) == (4, 4, 100.0)
+    assert 35.0 < network.initial_mm < 45.0
+
+
+@pytest.mark.parametrize(
+    ("make", "settings", "says"),
+    [
+        ((3, 34), QUICK, "sequence 0 has 34 samples; washout 30, delays 4 and shift 0"),
+        ((3, 36), replace(QUICK, shift=3), "sequence 0 has 36 samples; washout 30, delays 4 and shift 3"),
+        ((2, 80), QUICK, "50 samples to train 57 weights on"),
+        ((1, 60), QUICK, "a single sequence of 60 samples"),
+        (
+            (3, 300),
+            replace(QUICK, ranges={"speed_kmh": (0.0, 200.0)}),
+            "no range to normalise fork_stroke_mm",
+        ),
+    ],
+)
+def test_unfit_data(rides, make, settings, says):
+    """Too few samples, or a channel without a range, end in one line that says what is missing."""
+    with pytest.raises(TrainingError) as refusal:
+        train(rides(*make), settings)
+    assert says in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"neurons": 0}, "neurons is 0"),
+        ({"delays": 0}, "delays is 0"),
+        ({"shift": -1}, "shift is -1"),
+        ({"washout": -1}, "washout is -1"),
+        ({"patience": 0}, "patience is 0"),
+        ({"decay": float("nan")}, "decay is nan"),
+        ({"held_out": 1.0}, "held_out is 1.0"),
+        ({"floor": 0.0}, "floor is 0.0"),
+        ({"seeds": ()}, "a seed"),
+        ({"seeds": (1, -2)}, "seed -2"),
+        ({"screening": ()}, "screening stage"),
+    ],
+)
+def test_unfit_settings(change, says):
+    """A setting out of range is refused by name and value."""
+    with pytest.raises(TrainingError) as refusal:
+        Settings(**change)
+    assert says in str(refusal.value)
+
+
+def test_unfit_stage():
+    """A stage without iterations is refused by name."""
+    with pytest.raises(TrainingError, match="stage open: iterations is 0"):
+        Stage("open", closed=False, iterations=0)
+
+
+def test_without_torch(rides, monkeypatch):
+    """Without PyTorch the message says how to install it."""
+    found = builtins.__import__
+
+    def missing(name, *args, **kwargs):
+        if name == "torch":
+            raise ImportError(name)
+        return found(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", missing)
+    with pytest.raises(TrainingError, match=r"strokebench\[train\]"):
+        train(rides(), QUICK)
+
+
+def test_unknown_device(rides):
+    """A device that is not there is refused by name, before training begins."""
+    with pytest.raises(TrainingError, match="device abacus"):
+        train(rides(), replace(QUICK, device="abacus"))
+
+
+def test_data_is_left_alone(rides):
+    """Training changes no array it was given."""
+    data = rides(3, 300)
+    before = [part.tobytes() for run in data.runs for part in run]
+    train(Sequences(data.inputs, data.output, data.runs), replace(BRIEF, seeds=(0,), edit=True))
+    assert [part.tobytes() for run in data.runs for part in run] == before
