@@ -23,8 +23,8 @@ class Campaign(BaseModel):
     title: str
     stands_for: str
     route: str
-    laps: Annotated[int, Field(ge=1, le=100_000)]
-    seed: Annotated[int, Field(ge=0)]
+    laps: Annotated[int, Field(ge=1, le=100_000, strict=True)]
+    seed: Annotated[int, Field(ge=0, strict=True)]
     fault_window_s: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
     faults: dict[str, str]
     seconds: Annotated[float | None, Field(gt=0)] = None
@@ -76,7 +76,8 @@ def expand(campaign: Campaign) -> list[Trial]:
     for number, (condition, fault) in enumerate([(FAULT_FREE, ""), *campaign.faults.items()]):
         for lap in range(campaign.laps):
             seed = campaign.seed + number * campaign.laps + lap
-            spec = str(parse_fault(f"{fault}@{_instant(campaign, seed)}")) if fault else ""
+            faulty = condition != FAULT_FREE
+            spec = str(parse_fault(f"{fault}@{_instant(campaign, seed)}")) if faulty else ""
             trials.append(Trial(condition, campaign.route, seed, spec, campaign.seconds))
     return trials
 

@@ -43,8 +43,10 @@ def _invalid(results: Sequence[Result]) -> str:
     invalid = [r for r in results if r.outcome is Outcome.INVALID]
     if not invalid:
         return f"INVALID runs: none of {len(results)}"
+    from rich.markup import escape
+
     lines = [f"[bold red]INVALID runs: {len(invalid)} of {len(results)}, they enter no rate[/]"]
-    lines += [f"  {r.trial.condition}, lap {r.trial.lap_seed}: {r.reason}" for r in invalid]
+    lines += [f"  {escape(f'{r.trial.condition}, lap {r.trial.lap_seed}: {r.reason}')}" for r in invalid]
     return "\n".join(lines)
 
 

@@ -10,7 +10,7 @@ import struct
 import zlib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from dbc import CHANNELS
 from targets.errors import CalibrationError
@@ -309,7 +309,7 @@ def _vector(values: list[Any], key: str) -> "NDArray[np.float64]":
     return np.array(values, dtype=np.float64)
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[int | float]:
     """A number that single precision can hold; NaN is not, nor is an integer too long for any float."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 3e38
 

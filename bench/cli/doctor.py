@@ -61,6 +61,7 @@ CHECKS: tuple[tuple[str, Callable[[], str], str], ...] = (
 def doctor() -> None:
     """Say what this machine can do, and how to mend what it cannot. Exit code 1 if the emulator fails."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, show_header=False)
@@ -71,7 +72,7 @@ def doctor() -> None:
         except Exception as error:  # whatever it is, the doctor reports it and goes on
             check = Check(what, "", f"{remedy} ({type(error).__name__}: {error})")
         mark = "[green]yes[/]" if check.found else "[yellow]no[/]"
-        table.add_row(mark, check.what, check.found or f"to mend: {check.remedy}")
+        table.add_row(mark, check.what, escape(check.found or f"to mend: {check.remedy}"))
         broken |= not check.found and look is _mcu
     Console().print(table, highlight=False)
     if broken:

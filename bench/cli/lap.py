@@ -92,6 +92,7 @@ def show(lap: Annotated[Path, typer.Argument(help="Lap file.")]) -> None:
     """Print what a lap holds: duration, rate, largest gap, and per channel its statistics and its course."""
     import numpy as np
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     from bench.laps.files import read_lap
@@ -100,7 +101,7 @@ def show(lap: Annotated[Path, typer.Argument(help="Lap file.")]) -> None:
     steps_ns = np.diff(ride.t_ns)
     widest = int(np.argmax(steps_ns))
     table = Table(
-        title=f"{ride.source}: {ride.duration_ns / 1e9:g} s, {len(ride.t_ns)} samples, "
+        title=f"{escape(ride.source)}: {ride.duration_ns / 1e9:g} s, {len(ride.t_ns)} samples, "
         f"{1e9 / float(np.median(steps_ns)):g} Hz, largest gap {steps_ns[widest] / 1e6:g} ms "
         f"at {ride.t_ns[widest] / 1e9:g} s",
         title_justify="left",

@@ -46,7 +46,9 @@ def training_progress(settings: "Settings") -> "Iterator[Callable[[Progress], No
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     screening = sum(stage.iterations for stage in settings.screening)
     total = screening * len(settings.seeds) + sum(stage.iterations for stage in settings.refinement)
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    screen = Console(stderr=True)
+    # In a log file its last state would be a line of noise, before a refusal too.
+    with Bar(*columns, console=screen, transient=True, disable=not screen.is_terminal) as bar:
         task = bar.add_task("training", total=total)
         seen: set[tuple[int, str]] = set()
         before = 0

@@ -146,6 +146,7 @@ def _bar(settings: Any) -> Any:
 
 def _print(report: "Report", detector: "Detector", out: Path) -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     console = Console()
@@ -167,7 +168,8 @@ def _print(report: "Report", detector: "Detector", out: Path) -> None:
         )
     console.print(
         f"detector: T = {100 * detector.threshold:g} %, L = {detector.window * 10} ms, "
-        f"n = {detector.multiple}, the smallest without an alarm on the training laps\nwritten: {out}",
+        f"n = {detector.multiple}, the smallest without an alarm on the training laps\n"
+        f"written: {escape(str(out))}",
         highlight=False,
     )
     if report.interrupted:

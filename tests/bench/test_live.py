@@ -1,4 +1,4 @@
-"""The live pair: pacing, hearing and answering, by a clock that a test drives; then over python-can's own bus."""
+"""The live pair: pacing, hearing and answering by a clock that a test drives, and over python-can's bus."""
 
 import gc
 import logging
@@ -8,7 +8,6 @@ from collections import deque
 
 import can
 import pytest
-from tests.conftest import wavy_lap
 
 from bench.bus.live import Heard, LiveBus
 from bench.codec import Codec
@@ -20,6 +19,7 @@ from bench.sensors.codes import acquire
 from bench.watch import Watch
 from targets.ecu import Frame, Transmission
 from targets.emulated import EmulatedEcu
+from tests.conftest import wavy_lap
 
 MS = 1_000_000
 CODEC = Codec()
@@ -244,7 +244,7 @@ def test_answers_leave_at_once():
 
 
 def test_slow_step_is_waited_for():
-    """An ECU that needs longer than it is given at once answers when its time has come, within the idle tick."""
+    """An ECU that needs longer than it is given at once answers when its time has come, within a tick."""
     ecu, desk = Scripted(delay_ns=4 * MS), Desk([(10 * MS, Frame(0x100, b""))], answers=False)
     served(ecu, desk)
     assert 14 * MS <= desk.out[0][0] <= 15 * MS
@@ -285,7 +285,7 @@ def test_backlog_of_the_emulated_mcu(image, calibration):
 
 
 def test_storm_does_not_run_its_time_away():
-    """More frames than a bus carries put the ECU's time ahead by a bounded amount, and it still ends in time."""
+    """More frames than a bus carries put the ECU's time ahead by a bounded amount, and it ends in time."""
     storm = [(MS + 10 * k, Frame(0x7FF, b"")) for k in range(2000)]
     ecu, desk = Scripted(), Desk(storm, answers=False, cost_ns=10)
     ahead = []
@@ -375,7 +375,9 @@ def test_silence(wire):
 
 
 @pytest.mark.parametrize(
-    "kind", [{"is_remote_frame": True}, {"is_error_frame": True}, {"is_fd": True}], ids=["remote", "error", "fd"]
+    "kind",
+    [{"is_remote_frame": True}, {"is_error_frame": True}, {"is_fd": True}],
+    ids=["remote", "error", "fd"],
 )
 def test_what_is_no_data_frame_passes(wire, kind):
     """Remote, error and FD frames are passed over to the data frame behind them, and do not hold up."""

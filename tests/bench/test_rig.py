@@ -1,7 +1,6 @@
 """The rig: who acts when, and that a ride ends whatever the ECU does."""
 
 import pytest
-from tests.conftest import wavy_lap
 
 from bench.codec import Codec
 from bench.mdlog.logger import NODE, schedule
@@ -10,6 +9,7 @@ from bench.sensors.codes import acquire
 from bench.watch import Watch
 from targets.ecu import Frame, Transmission
 from targets.errors import FirmwareFault
+from tests.conftest import wavy_lap
 
 MS = 1_000_000
 CODEC = Codec()
@@ -85,7 +85,7 @@ def test_frames_come_in_the_order_of_the_bus(frames):
 
 
 def test_late_answer(frames):
-    """An answer after its period is an overrun, found when the next cycle is due, with the ECU's whereabouts."""
+    """An answer after its period is an overrun, found when the next cycle is due, and where the ECU stood."""
     done, watch = ridden(frames, Scripted(delay_ns=11 * MS))
     assert done.failure == (
         "ECU overrun: no answer to cycle 0, sent at 0 s, by 0.01 s; pc 0x08000100 in main"

@@ -1,9 +1,8 @@
-"""A run from a lap to a verdict, on the host core where it is built: the parts put together, and the document."""
+"""A run from a lap to a verdict, on the host core where it is built: all parts together, and the document."""
 
 import json
 
 import pytest
-from tests.conftest import wavy_lap
 
 from bench.codec import Codec
 from bench.errors import FaultError, LapError
@@ -14,6 +13,7 @@ from bench.run import document, prepare, run_lap
 from bench.verdict import Outcome
 from targets.emulated import EmulatedEcu
 from targets.host import HostEcu, library
+from tests.conftest import wavy_lap
 
 NEEDS = ("fork_stroke_mm", "pitch_rate_dps", "speed_kmh", "rear_stroke_mm")
 
@@ -127,7 +127,7 @@ def test_fault_the_lap_cannot_have(ecu, text):
 
 
 def test_document(image, quiet):
-    """The document holds, in seconds and as plain JSON, what was asked, what acted, what was seen and its cost."""
+    """The document holds, as plain JSON in seconds, what was asked, what acted, what was seen, its cost."""
     done = run(EmulatedEcu(image, quiet), "rear_stroke:short@1+0.5", seconds=2.0)
     result = json.loads(json.dumps(document(done), allow_nan=False))
     assert (result["outcome"], result["t_cmd_s"], result["t_active_s"], result["t_obs_s"]) == ("CD", 1, 1, 1)

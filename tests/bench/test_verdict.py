@@ -1,4 +1,4 @@
-"""The verdict: each outcome from what was seen on the bus and what the rig knows, and in which order they win."""
+"""The verdict: each outcome from what was seen on the bus and what the rig knows, and which of them wins."""
 
 import pytest
 

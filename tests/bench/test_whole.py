@@ -1,4 +1,4 @@
-"""Files whole or absent: a target appears complete, keeps what it held if the writing fails, or is refused."""
+"""Files whole or absent: a target appears complete, keeps what it held if writing fails, or is refused."""
 
 import os
 import threading

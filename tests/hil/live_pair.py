@@ -1,4 +1,4 @@
-"""The live pair on vcan0, as a script: two ECUs and the logger as processes of their own.
+"""The live pair on vcan0, as a script: logger and ECU as two processes, first the IFD, then the soft sensor.
 
     python live_pair.py FOLDER [own]
 
@@ -10,12 +10,14 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
+from bench.bus.live import LiveBus
+from bench.errors import BusError
+
 BUS = "socketcan:vcan0"
-FAULT = "rear_stroke:short@2"
-PATIENCE_S = 90
+FAULT = "rear_stroke:short@1.5"
+PATIENCE_S = 60
 
 
 def bench(*words: str) -> subprocess.Popen:
@@ -23,25 +25,42 @@ def bench(*words: str) -> subprocess.Popen:
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def outcome(process: subprocess.Popen) -> dict:
-    out, err = process.communicate(timeout=PATIENCE_S)
+def ended(process: subprocess.Popen) -> dict:
+    """How it ended; one that does not end is killed."""
+    try:
+        out, err = process.communicate(timeout=PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        out, err = process.communicate()
     return {"code": process.returncode, "out": out, "err": err}
+
+
+def absent() -> str:
+    try:
+        with LiveBus("socketcan:vcan99"):
+            return "opened"
+    except BusError as error:
+        return str(error)
 
 
 def main(folder: Path, own: bool) -> None:
     lap, model = str(folder / "lap.csv"), str(folder / "model.json")
-    report = {}
-    for role, faulty, stop in (("ifd", ("--fault", FAULT), signal.SIGINT), ("soft_sensor", (), signal.SIGTERM)):
+    report: dict = {"own": own, "absent": absent()}
+    for role, fault, stop in (
+        ("ifd", ("--fault", FAULT), signal.SIGINT),
+        ("soft_sensor", (), signal.SIGTERM),
+    ):
         ecu = bench("ecu", role, "--bus", BUS, "--model", model)
-        report[f"ready {role}"] = ecu.stderr.readline()
+        assert ecu.stderr is not None
+        ready = ecu.stderr.readline()
         out = ("--json", str(folder / f"{role}.json"), "--record", str(folder / f"{role}.log"))
-        report[f"replay {role}"] = outcome(bench("replay", lap, "--bus", BUS, "--ecu", role, *out, *faulty))
+        replay = ended(bench("replay", lap, "--bus", BUS, "--ecu", role, *out, *fault))
         if own and role == "soft_sensor":
             subprocess.run(["ip", "link", "set", "vcan0", "down"], check=True)
         else:
             ecu.send_signal(stop)
-        report[role] = outcome(ecu)
-    (folder / "report.json").write_text(json.dumps(report, indent=1))
+        report[role] = {"ready": ready, "replay": replay, "ecu": ended(ecu)}
+    (folder / "report.json").write_text(json.dumps(report, indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,157 @@
+"""The live pair on a real SocketCAN interface: the kernel's own, or one of a kernel brought up for it."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from bench.faults.spec import parse_fault
+from bench.laps.files import write_lap
+from bench.run import run_lap
+from targets.calibration import dumps
+from targets.ecus import ROLES, build
+from tests.conftest import wavy_lap
+
+HERE = Path(__file__).parent
+WITH_VCAN = HERE.parents[2] / "shared" / "tools" / "with-vcan"
+FLAGS = Path("/sys/class/net/vcan0/flags")
+FAULTS = {"ifd": ["rear_stroke:short@1.5"], "soft_sensor": []}
+STATUS = {"ifd": 0x200, "soft_sensor": 0x210}
+SECONDS = 2.5
+
+BUSY = 0.3
+"""Where processes wait for a processor for this share of the time, a run that was late proves nothing."""
+
+pytestmark = pytest.mark.vcan
+
+
+def launcher() -> list[str]:
+    """The words before the command that bring it to a vcan0, and the one after it if that is its own."""
+    if FLAGS.exists() and int(FLAGS.read_text(), 16) & 1:
+        return []
+    if not WITH_VCAN.exists():
+        pytest.skip("no vcan0: ip link add dev vcan0 type vcan && ip link set up vcan0, as root")
+    if shutil.which("linux.uml") is None:
+        pytest.skip("no vcan0 here, and no linux.uml to have one in: apt-get install user-mode-linux")
+    # A process among others: what privilege there is goes to the one that must be in time.
+    return ["nice", "-n", "-15", str(WITH_VCAN)]
+
+
+def waited_s() -> float:
+    """For how long some process of this machine has waited for a processor since it was started, s."""
+    try:
+        some = Path("/proc/pressure/cpu").read_text().splitlines()[0]
+    except OSError:
+        return 0.0
+    return int(some.rpartition("=")[2]) / 1e6
+
+
+@pytest.fixture(scope="module")
+def ridden(tmp_path_factory, calibration):
+    """The folder of a finished scenario, and of each role the status payloads of the virtual run."""
+    words = launcher()
+    folder = tmp_path_factory.mktemp("live")
+    lap = wavy_lap(SECONDS)
+    write_lap(lap, folder / "lap.csv")
+    quiet = calibration.with_detector(threshold=20.0, multiple=2, warmup=100)
+    (folder / "model.json").write_text(dumps(quiet))
+    # First in virtual time: this also compiles what the processes would otherwise compile while they wait.
+    virtual = {}
+    for role in ROLES:
+        done = run_lap(
+            lap,
+            build(role, calibration=folder / "model.json").power_on(),
+            map(parse_fault, FAULTS[role]),
+        )
+        virtual[role] = [d.frame.data.hex().upper() for d in done.ride.frames if d.frame.id == STATUS[role]]
+    command = [*words, sys.executable, str(HERE / "live_pair.py"), str(folder), *(["own"] if words else [])]
+    # The emulator asks for a gigabyte of addresses, more than the small kernel's default has.
+    environment = {**os.environ, "WITH_VCAN_MEM": "1500M"}
+    begun, waited = time.monotonic(), waited_s()
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, timeout=300, env=environment
+    )
+    share = (waited_s() - waited) / (time.monotonic() - begun)
+    if words and done.returncode in (125, 126):
+        pytest.skip(f"with-vcan: {done.stderr.strip()[-200:]}")
+    assert done.returncode == 0, done.stderr
+    for role in ROLES:
+        result = json.loads((folder / f"{role}.json").read_text())
+        if result["outcome"] == "INVALID" and share > BUSY:
+            pytest.skip(f"no real time: other work waited for a processor {100 * share:.0f} % of the time")
+    return folder, virtual
+
+
+@pytest.fixture(scope="module")
+def report(ridden):
+    return json.loads((ridden[0] / "report.json").read_text())
+
+
+EACH = pytest.mark.parametrize("role", ROLES)
+
+
+@EACH
+def test_verdict(ridden, report, role):
+    """Every cycle is answered in its period; the fault is found where one acts, the healthy lap is OK."""
+    result = json.loads((ridden[0] / f"{role}.json").read_text())
+    assert (result["outcome"], report[role]["replay"]["code"]) == ("CD" if FAULTS[role] else "OK", 0), result
+    assert (result["answers"], result["frames_heard"]) == (100 * SECONDS, 200 * SECONDS)
+    assert report[role]["replay"]["err"] == ""
+
+
+@EACH
+def test_lateness_is_reported(ridden, report, role):
+    """The replay says how late it was, at worst and on average, on the screen and in its document."""
+    late = json.loads((ridden[0] / f"{role}.json").read_text())["late_ms"]
+    assert 0 < late["mean"] <= late["worst"] < 10
+    said = report[role]["replay"]["out"]
+    assert f"late by {late['worst']:.2f} ms at worst, {late['mean']:.2f} ms on average" in said
+
+
+@EACH
+def test_status_frames_of_the_virtual_run(ridden, role):
+    """What the ECU says in wall time is what it says in virtual time, byte for byte and in order."""
+    folder, virtual = ridden
+    heard = re.findall(rf" {STATUS[role]:03X}#(\S+)", (folder / f"{role}.log").read_text())
+    assert heard == virtual[role]
+    assert len(set(heard)) > 100
+
+
+def test_time_to_detect(ridden):
+    """The live time to detect is the virtual one, but for the wall's own delays."""
+    result = json.loads((ridden[0] / "ifd.json").read_text())
+    assert result["t_active_s"] == 1.5
+    assert result["td_s"] == pytest.approx(0.391, abs=0.02)
+
+
+@EACH
+def test_ecu_says_when_it_is_ready(report, role):
+    """The ECU's first line says on which bus it lives."""
+    assert report[role]["ready"] == f"ecu {role} on socketcan:vcan0, running on mcu; Ctrl-C ends it\n"
+
+
+def test_signals_end_the_ecu(report):
+    """SIGINT, and SIGTERM where the bus stays up, end the ECU with exit code 0 and no further word."""
+    stopped = ["ifd"] if report["own"] else ["ifd", "soft_sensor"]
+    for role in stopped:
+        assert report[role]["ecu"] == {"code": 0, "out": "", "err": ""}
+
+
+def test_bus_taken_down(report):
+    """An interface taken down under the ECU is one line and exit code 2."""
+    if not report["own"]:
+        pytest.skip("vcan0 is not this test's to take down")
+    ecu = report["soft_sensor"]["ecu"]
+    assert ecu["code"] == 2
+    assert re.fullmatch(r"bench: bus: socketcan:vcan0: cannot receive: .*[Nn]etwork is down.*\n", ecu["err"])
+
+
+def test_interface_that_does_not_exist(report):
+    """Where the kernel has CAN, an interface it does not have is one line."""
+    assert re.fullmatch(r"socketcan:vcan99: cannot be opened: .*No such device.*", report["absent"])
