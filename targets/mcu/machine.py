@@ -35,7 +35,7 @@ class Stm32f405:
     """The emulated microcontroller with `image` in flash, in reset until the first `run`.
 
     power_on_ns: the instant at which the supply comes up, which may lie before 0.
-    flash: uint8, the flash memory itself; what is written to it the program sees.
+    flash: uint8, the flash memory itself; what is written to it the program sees (code: see `patch`).
     """
 
     def __init__(self, image: Image, power_on_ns: int = 0) -> None:
@@ -120,6 +120,12 @@ class Stm32f405:
     def read_bytes(self, address: int, count: int) -> bytes:
         """Bytes of memory (not of devices)."""
         return bytes(self._engine.mem_read(address, count))
+
+    def patch(self, address: int, data: bytes) -> None:
+        """Write to flash as a debugger would: code that has been translated already is forgotten."""
+        at = address - FLASH
+        self.flash[at : at + len(data)] = np.frombuffer(data, dtype=np.uint8)
+        self._engine.ctl_remove_cache(address, address + len(data))
 
     def _fault(self) -> str:
         import unicorn

@@ -10,6 +10,7 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 from bench.bus.live import LiveBus
@@ -52,7 +53,10 @@ def main(folder: Path, own: bool) -> None:
     ):
         ecu = bench("ecu", role, "--bus", BUS, "--model", model)
         assert ecu.stderr is not None
+        impatience = threading.Timer(PATIENCE_S, ecu.kill)
+        impatience.start()
         ready = ecu.stderr.readline()
+        impatience.cancel()
         out = ("--json", str(folder / f"{role}.json"), "--record", str(folder / f"{role}.log"))
         replay = ended(bench("replay", lap, "--bus", BUS, "--ecu", role, *out, *fault))
         if own and role == "soft_sensor":

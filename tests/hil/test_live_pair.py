@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -32,15 +33,25 @@ pytestmark = pytest.mark.vcan
 
 
 def launcher() -> list[str]:
-    """The words before the command that bring it to a vcan0, and the one after it if that is its own."""
+    """The words that bring a command to a vcan0 of its own; none where the kernel has one."""
     if FLAGS.exists() and int(FLAGS.read_text(), 16) & 1:
         return []
     if not WITH_VCAN.exists():
         pytest.skip("no vcan0: ip link add dev vcan0 type vcan && ip link set up vcan0, as root")
     if shutil.which("linux.uml") is None:
         pytest.skip("no vcan0 here, and no linux.uml to have one in: apt-get install user-mode-linux")
-    # A process among others: what privilege there is goes to the one that must be in time.
-    return ["nice", "-n", "-15", str(WITH_VCAN)]
+    return ["timeout", "--kill-after=10", "300", *punctual(), str(WITH_VCAN)]
+
+
+def punctual() -> list[str]:
+    """The words that give a command precedence over this machine's other work, where that is allowed."""
+    words = ["chrt", "--rr", "1"]
+    if (
+        shutil.which("chrt")
+        and subprocess.run([*words, "true"], capture_output=True, check=False).returncode == 0
+    ):
+        return words
+    return []
 
 
 def waited_s() -> float:
@@ -52,9 +63,29 @@ def waited_s() -> float:
     return int(some.rpartition("=")[2]) / 1e6
 
 
+class Ridden(NamedTuple):
+    """A finished scenario: its folder, each role's status payloads in virtual time, how long work waited."""
+
+    folder: Path
+    virtual: dict[str, list[str]]
+    waited: float
+
+    def result(self, role):
+        """The replay's document; skips if it proves nothing, and other work is to blame."""
+        result = json.loads((self.folder / f"{role}.json").read_text())
+        if result["outcome"] == "INVALID" and self.waited > BUSY:
+            pytest.skip(
+                f"no real time here: work waited for a processor {100 * self.waited:.0f} % of the time"
+            )
+        return result
+
+    def heard(self, role):
+        """The status payloads in the replay's recording."""
+        return re.findall(rf" {STATUS[role]:03X}#(\S+)", (self.folder / f"{role}.log").read_text())
+
+
 @pytest.fixture(scope="module")
 def ridden(tmp_path_factory, calibration):
-    """The folder of a finished scenario, and of each role the status payloads of the virtual run."""
     words = launcher()
     folder = tmp_path_factory.mktemp("live")
     lap = wavy_lap(SECONDS)
@@ -64,33 +95,24 @@ def ridden(tmp_path_factory, calibration):
     # First in virtual time: this also compiles what the processes would otherwise compile while they wait.
     virtual = {}
     for role in ROLES:
-        done = run_lap(
-            lap,
-            build(role, calibration=folder / "model.json").power_on(),
-            map(parse_fault, FAULTS[role]),
-        )
+        ecu = build(role, calibration=folder / "model.json").power_on()
+        done = run_lap(lap, ecu, map(parse_fault, FAULTS[role]))
         virtual[role] = [d.frame.data.hex().upper() for d in done.ride.frames if d.frame.id == STATUS[role]]
     command = [*words, sys.executable, str(HERE / "live_pair.py"), str(folder), *(["own"] if words else [])]
     # The emulator asks for a gigabyte of addresses, more than the small kernel's default has.
     environment = {**os.environ, "WITH_VCAN_MEM": "1500M"}
     begun, waited = time.monotonic(), waited_s()
-    done = subprocess.run(
-        command, capture_output=True, text=True, check=False, timeout=300, env=environment
-    )
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     share = (waited_s() - waited) / (time.monotonic() - begun)
     if words and done.returncode in (125, 126):
         pytest.skip(f"with-vcan: {done.stderr.strip()[-200:]}")
     assert done.returncode == 0, done.stderr
-    for role in ROLES:
-        result = json.loads((folder / f"{role}.json").read_text())
-        if result["outcome"] == "INVALID" and share > BUSY:
-            pytest.skip(f"no real time: other work waited for a processor {100 * share:.0f} % of the time")
-    return folder, virtual
+    return Ridden(folder, virtual, share)
 
 
 @pytest.fixture(scope="module")
 def report(ridden):
-    return json.loads((ridden[0] / "report.json").read_text())
+    return json.loads((ridden.folder / "report.json").read_text())
 
 
 EACH = pytest.mark.parametrize("role", ROLES)
@@ -99,33 +121,33 @@ EACH = pytest.mark.parametrize("role", ROLES)
 @EACH
 def test_verdict(ridden, report, role):
     """Every cycle is answered in its period; the fault is found where one acts, the healthy lap is OK."""
-    result = json.loads((ridden[0] / f"{role}.json").read_text())
+    result = ridden.result(role)
     assert (result["outcome"], report[role]["replay"]["code"]) == ("CD" if FAULTS[role] else "OK", 0), result
     assert (result["answers"], result["frames_heard"]) == (100 * SECONDS, 200 * SECONDS)
+    assert ridden.heard(role) == ridden.virtual[role]
+
+
+@EACH
+def test_status_frames_of_the_virtual_run(ridden, report, role):
+    """What the ECU says in wall time is what it says in virtual time, byte for byte and in order."""
+    heard = ridden.heard(role)
+    assert heard
+    assert heard == ridden.virtual[role][: len(heard)]
     assert report[role]["replay"]["err"] == ""
 
 
 @EACH
 def test_lateness_is_reported(ridden, report, role):
     """The replay says how late it was, at worst and on average, on the screen and in its document."""
-    late = json.loads((ridden[0] / f"{role}.json").read_text())["late_ms"]
+    late = ridden.result(role)["late_ms"]
     assert 0 < late["mean"] <= late["worst"] < 10
     said = report[role]["replay"]["out"]
     assert f"late by {late['worst']:.2f} ms at worst, {late['mean']:.2f} ms on average" in said
 
 
-@EACH
-def test_status_frames_of_the_virtual_run(ridden, role):
-    """What the ECU says in wall time is what it says in virtual time, byte for byte and in order."""
-    folder, virtual = ridden
-    heard = re.findall(rf" {STATUS[role]:03X}#(\S+)", (folder / f"{role}.log").read_text())
-    assert heard == virtual[role]
-    assert len(set(heard)) > 100
-
-
 def test_time_to_detect(ridden):
     """The live time to detect is the virtual one, but for the wall's own delays."""
-    result = json.loads((ridden[0] / "ifd.json").read_text())
+    result = ridden.result("ifd")
     assert result["t_active_s"] == 1.5
     assert result["td_s"] == pytest.approx(0.391, abs=0.02)
 

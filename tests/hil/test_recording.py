@@ -1,0 +1,144 @@
+"""A recorded run, read by others' means: python-can reads the log, cantools decodes it, out comes the lap."""
+
+import struct
+
+import can
+import cantools
+import numpy as np
+import pytest
+
+from bench.codec import Codec
+from bench.laps.files import write_lap
+from bench.laps.lap import CHANNELS, Lap
+from bench.mdlog.logger import NODE, schedule
+from bench.recorder import record
+from bench.rig import ride
+from bench.sensors.codes import acquire
+from bench.watch import Watch
+from dbc import MOTORCYCLE
+from targets.calibration import dumps
+from tests.conftest import SHARED, wavy_lap
+
+SST = SHARED / "data" / "sufni-mtb-sst" / "00647.SST"
+DATABASE = cantools.database.load_file(MOTORCYCLE)
+
+
+def decoded(path):
+    """Signal -> float64 (cycles,), of every frame of the logger in a log, in the order of the log."""
+    found: dict[str, list[float]] = {}
+    with can.LogReader(path) as log:
+        for message in log:
+            definition = DATABASE.get_message_by_frame_id(message.arbitration_id)
+            if definition.senders == [NODE]:
+                for name, value in definition.decode(message.data).items():
+                    found.setdefault(name, []).append(value)
+    return {name: np.array(values) for name, values in found.items()}
+
+
+def least_bit(channel):
+    """What one bit of the channel's signal is worth."""
+    return next(s.scale for m in DATABASE.messages for s in m.signals if s.name == channel)
+
+
+def close(lap, channel, values):
+    """Each value is the lap's at its 10 ms, within one least significant bit."""
+    at = np.arange(0, lap.duration_ns + 1, 10_000_000)
+    expected = lap.channels[channel][np.searchsorted(lap.t_ns - lap.t_ns[0], at)]
+    assert values.shape == expected.shape
+    assert np.abs(values - expected).max() <= least_bit(channel)
+    assert np.ptp(values) > 100 * least_bit(channel)
+
+
+class Nobody:
+    """On the bus, and silent."""
+
+    name = "nobody"
+
+    def advance(self, t_ns):
+        return None
+
+    def receive(self, frame, t_ns):
+        pass
+
+    def sent(self, handle, t_ns):
+        pass
+
+    def where(self):
+        return ""
+
+
+class Patient(Watch):
+    """Expects no answer."""
+
+    def unanswered(self, t_ns):
+        return None
+
+
+@pytest.fixture(scope="module")
+def mountain_bike():
+    """The recording's strokes as a lap at 1 kHz, in mm, within the sensors' spans.
+
+    SST 3: 16 bytes of head (3s, version, u16 rate, u16, i64 time), then u16 fork and u16 shock, counts of an
+    AS5600 with 4096 a turn, on arms whose triangles notes.txt and the two JSON files beside it describe.
+    """
+    if not SST.exists():
+        pytest.skip(f"no recording {SST.name}: it is not part of the repository")
+    content = SST.read_bytes()
+    magic, version, rate, _, _ = struct.unpack_from("<3sBHHq", content)
+    assert (magic, version, rate) == (b"SST", 3, 1000)
+    counts = np.frombuffer(content, "<u2", offset=16).reshape(-1, 2)
+    fork, shock = (2 * np.pi / 4096 * column for column in counts.T.astype(float))
+    fork = np.where(counts[:, 0] > 1024, 0.0, fork)
+    arm, longest = 134.9375, 234.15625
+    fork_mm = longest - 2 * arm * np.cos(fork + np.arccos(longest / 2 / arm))
+    near, far, longest = 98.9, 202.8, 230.0
+    start = np.arccos((near**2 + far**2 - longest**2) / (2 * near * far))
+    shock_mm = longest - np.sqrt(near**2 + far**2 - 2 * near * far * np.cos(start - shock))
+    channels = {"fork_stroke_mm": np.clip(fork_mm, 0, 150), "rear_stroke_mm": np.clip(shock_mm, 0, 110)}
+    return Lap(np.arange(len(counts)) * 1_000_000, channels, SST.name)
+
+
+def test_recorded_ride_comes_back(mountain_bike, tmp_path):
+    """A minute of a real bicycle's strokes goes over the bus; what cantools decodes is what was ridden."""
+    watch = Patient(Codec())
+    done = ride(schedule(acquire(mountain_bike), Codec()), Nobody(), watch)
+    assert done.failure is None
+    record(tmp_path / "ride.log", [(d.t_end_ns, d.frame, d.node) for d in done.frames])
+    values = decoded(tmp_path / "ride.log")
+    assert set(values) == {"fork_stroke_mm", "rear_stroke_mm", "alive"}
+    for channel in ("fork_stroke_mm", "rear_stroke_mm"):
+        close(mountain_bike, channel, values[channel])
+    np.testing.assert_array_equal(values["alive"], np.arange(len(values["alive"])) % 16)
+
+
+def test_recorded_ride_is_no_lap_for_the_ifd(mountain_bike, tmp_path, bench):
+    """The IFD is refused that ride in one line that names the channels it lacks."""
+    write_lap(mountain_bike, tmp_path / "ride.csv")
+    said = bench("run", tmp_path / "ride.csv", "--json", tmp_path / "out.json")
+    assert said.code == 2
+    assert said.err == "bench: lap: ride.csv: missing pitch_rate_dps, speed_kmh, needed by ecu ifd\n"
+    assert not (tmp_path / "out.json").exists()
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf"])
+def test_seven_channels_come_back(bench, calibration, tmp_path, suffix):
+    """A run recorded by the command decodes to all seven channels of its lap."""
+    lap = wavy_lap(2.0)
+    write_lap(lap, tmp_path / "lap.parquet")
+    (tmp_path / "model.json").write_text(dumps(calibration))
+    out = tmp_path / f"out{suffix}"
+    bench("run", tmp_path / "lap.parquet", "--model", tmp_path / "model.json", "--record", out)
+    values = decoded(out)
+    for channel in CHANNELS:
+        close(lap, channel, values[channel])
+
+
+def test_answers_are_recorded(bench, calibration, tmp_path):
+    """The ECU's own frames are in the recording, and cantools decodes them: one status for each cycle."""
+    write_lap(wavy_lap(1.0), tmp_path / "lap.csv")
+    (tmp_path / "model.json").write_text(dumps(calibration))
+    bench("run", tmp_path / "lap.csv", "--model", tmp_path / "model.json", "--record", tmp_path / "out.log")
+    with can.LogReader(tmp_path / "out.log") as log:
+        status = [DATABASE.decode_message(m.arbitration_id, m.data) for m in log if m.arbitration_id == 0x200]
+    assert [values["alive"] for values in status] == [k % 16 for k in range(100)]
+    assert all(0 < values["predicted_mm"] < 110 for values in status)
