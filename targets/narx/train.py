@@ -94,7 +94,7 @@ def train(
     The same data and settings give the same weights, byte for byte, on one machine with one number of
     threads. KeyboardInterrupt ends the training with the best network so far.
     Raises TrainingError for data that cannot be trained on, and if no seed gave a network whose free run
-    stays finite, within the output's range (half of it beyond at most), and better than a constant.
+    stays, on every run, within the output's range (half of it beyond at most) and better than a constant.
     """
     job = _Job(data, settings or Settings(), progress or (lambda _: None))
     candidates: list[Candidate] = []
@@ -114,7 +114,7 @@ def train(
     if best is None:
         seeds = ", ".join(str(candidate.seed) for candidate in candidates)
         raise TrainingError(
-            f"no stable network: on held-out runs every free run diverges or is no better than a constant "
+            f"no stable network: each one's free run diverges somewhere or is no better than a constant "
             f"(seeds {seeds})"
         )
     network = job.network(best.theta)
@@ -214,15 +214,16 @@ class _Job:
         return measures.rmse(yp, yt)
 
     def stable(self, theta: Floats) -> bool:
-        """Whether the free run of theta diverges on no held-out run, as `train` says."""
+        """Whether the free run of theta diverges on no run, of training or held out, as `train` says."""
         network = self.network(theta)
         lo, hi = network.output_range
         margin = 0.5 * (hi - lo)
-        pairs = [(network.free_run(u), y) for u, y in self.data.held_out]
+        pairs = [(network.free_run(u), y) for u, y in (*self.data.training, *self.data.held_out)]
         # comparisons with NaN are false
         inside = all(bool(np.all((yp > lo - margin) & (yp < hi + margin))) for yp, _ in pairs)
-        yp, yt = self._joined(pairs)
-        return inside and measures.rmse(yp, yt) < float(np.std(yt))
+        # Run by run: one that is caught in a wrong rest position would be lost in the mean over all.
+        spread = float(np.std(self._joined(pairs)[1]))
+        return inside and all(measures.rmse(*self._joined([pair])) < spread for pair in pairs)
 
     def quality(self, network: Narx, runs: list[Run]) -> Quality:
         """Figures of a network's free run over `runs`."""
