@@ -18,7 +18,7 @@ from bench.errors import BusError
 
 BUS = "socketcan:vcan0"
 FAULT = "rear_stroke:short@1.5"
-PATIENCE_S = 60
+PATIENCE_S = 150
 
 
 def bench(*words: str) -> subprocess.Popen:
