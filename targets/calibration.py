@@ -191,8 +191,6 @@ def loads(text: str | bytes, source: str = "calibration") -> Calibration:
         calibration = _build(document)
     except CalibrationError as error:
         raise CalibrationError(f"{source}: {error}") from None
-    except RecursionError:
-        raise CalibrationError(f"{source}: nested too deeply") from None
     if document.get("checksum") != calibration.checksum:
         raise CalibrationError(
             f"{source}: checksum {document.get('checksum')!r} does not match the content "
