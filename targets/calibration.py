@@ -87,6 +87,11 @@ class Calibration:
         _bound("initial_mm", self.network.initial_mm, -1e6, 1e6)
         if self.detector.feedback not in ("predicted", "measured"):
             raise CalibrationError(f"feedback {self.detector.feedback!r} is neither predicted nor measured")
+        if self.detector.feedback == "measured" and self.network.shift:
+            raise CalibrationError(
+                f"feedback measured with shift {self.network.shift}: the stroke {self.network.shift} samples "
+                "ahead cannot have been measured"
+            )
         size = len(self.image())
         if size > ROOM:
             raise CalibrationError(f"image of {size} bytes exceeds its flash sector of {ROOM}")

@@ -65,6 +65,8 @@ def build(
         raise TargetError(f"no ECU {role}; there are {', '.join(ROLES)}")
     if host not in HOSTS:
         raise TargetError(f"no place {host} to run an ECU; there are {', '.join(HOSTS)}")
+    if elf and host == "host":
+        raise TargetError(f"{elf}: the host runs its own core, no image; leave out --elf or choose --on mcu")
     return Build(role, host, load(calibration or DEFAULT_CALIBRATION), _image(elf or ELF[role]))
 
 

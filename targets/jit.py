@@ -8,12 +8,15 @@ stale kernel cannot be found. Import `njit` and `cfunc` from here, never from nu
 import os
 import shutil
 import tempfile
+import time
 from hashlib import sha256
 from pathlib import Path
 
 from numba import config
 
 _HERE = Path(__file__).parent
+KEEP_S = 86_400
+"""Caches of other sources are removed a day after they were begun."""
 
 
 def _digest() -> str:
@@ -37,8 +40,9 @@ def _folder() -> Path:
             (parent / name).mkdir(exist_ok=True)
         except OSError:
             continue
+        # A younger one may belong to another checkout, or to a process that still runs.
         for old in parent.glob("numba-*"):
-            if old.name != name:
+            if old.stat().st_mtime < time.time() - KEEP_S:
                 shutil.rmtree(old, ignore_errors=True)
         return parent / name
     return Path(tempfile.mkdtemp(prefix="strokebench-numba-"))

@@ -20,6 +20,8 @@ _SO_RCVBUFFORCE = 33  # Linux; Python does not name it
 _OLDEST_S = 10.0
 """An age beyond this is no age: the adapter stamps its frames from another epoch."""
 
+_SILENCE = logging.NullHandler()
+
 _MOST_SKIPPED = 64  # a bus full of error frames may not keep the caller from its own business
 
 
@@ -38,7 +40,7 @@ class LiveBus:
 
     def __init__(self, name: str, bitrate: int = 500_000) -> None:
         # Without a handler of its own python-can would say on the error stream what is raised here anyway.
-        logging.getLogger("can").addHandler(logging.NullHandler())
+        logging.getLogger("can").addHandler(_SILENCE)
         import can
 
         interface, _, channel = name.partition(":")

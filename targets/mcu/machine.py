@@ -17,6 +17,8 @@ PAGE = 4096
 SRAM, SRAM_SIZE = 0x20000000, 0x20000  # SRAM1 and SRAM2, 128 kB
 CCM, CCM_SIZE = 0x10000000, 0x10000  # core-coupled memory, 64 kB
 CODE_SIZE = 0x100000
+TRANSLATED_SIZE = 32 << 20
+"""Room for translated code, bytes: a megabyte of flash many times over."""
 
 _EXCEPTIONS = {
     1: "undefined instruction",
@@ -154,6 +156,8 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
     library = binding.uclib
     uc = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
     uc.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M4)
+    # By itself the engine reserves a gigabyte of addresses, and ends the process where it may not.
+    uc.ctl_set_tcg_buffer_size(TRANSLATED_SIZE)
     rx, rw = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC, unicorn.UC_PROT_READ | unicorn.UC_PROT_WRITE
     for address, memory, access in (
         (FLASH, mcu.flash, rx),

@@ -99,8 +99,7 @@ def ridden(tmp_path_factory, calibration):
         done = run_lap(lap, ecu, map(parse_fault, FAULTS[role]))
         virtual[role] = [d.frame.data.hex().upper() for d in done.ride.frames if d.frame.id == STATUS[role]]
     command = [*words, sys.executable, str(HERE / "live_pair.py"), str(folder), *(["own"] if words else [])]
-    # The emulator asks for a gigabyte of addresses, more than the small kernel's default has.
-    environment = {**os.environ, "WITH_VCAN_MEM": "1500M"}
+    environment = {**os.environ, "WITH_VCAN_MEM": "1G"}
     begun, waited = time.monotonic(), waited_s()
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     share = (waited_s() - waited) / (time.monotonic() - begun)

@@ -43,7 +43,7 @@ def refusal(text):
 def test_comes_back(shape):
     """A calibration written and read is the same: to the text, and to every bit of its image."""
     net = network(*shape, shift=3)
-    detector = Detector(0.2, 13, 7, "measured", 11, 0.5)
+    detector = Detector(0.2, 13, 7, "predicted", 11, 0.5)
     calibration = Calibration(net, detector, {"seed": 1, "laps": ["a", "b"]})
     again = loads(dumps(calibration))
     assert dumps(again) == dumps(calibration)
@@ -354,3 +354,16 @@ def test_any_bytes_changed(data):
         stop = data.draw(st.integers(start, min(len(content), start + 40)))
         content[start:stop] = data.draw(st.binary(max_size=8))
     one_line_or_calibration(bytes(content))
+
+
+def test_measured_feedback_has_no_future():
+    """Feeding back a stroke that lies ahead in time is refused."""
+    with pytest.raises(CalibrationError, match="feedback measured with shift 5"):
+        Calibration(network(shift=5), Detector(feedback="measured"))
+
+
+def test_measured_feedback_comes_back():
+    """The other feedback travels through file and image, too."""
+    calibration = Calibration(network(), Detector(feedback="measured"))
+    assert loads(dumps(calibration)).image() == calibration.image()
+    assert loads(dumps(calibration)).detector.feedback == "measured"
