@@ -147,18 +147,22 @@ def test_interruption_keeps_the_best(rides):
     assert result.report.candidates[0].judge == best
 
 
-def test_a_diverging_network_is_refused(rides, monkeypatch):
+@pytest.mark.parametrize("spoiled", [0, 3])  # a run trained on, the run held out
+@pytest.mark.parametrize("value", [170.0, -60.0, np.nan])  # out of 0-110 mm by more than half of it
+def test_a_diverging_network_is_refused(rides, monkeypatch, spoiled, value):
     """If every seed's free run leaves the output's range by far, if only once, there is no network."""
-    measured = {u.tobytes(): y for u, y in rides().runs}
+    data = rides()
+    measured = {u.tobytes(): y for u, y in data.runs}
 
     def perfect_but_once(network, u):
         y = measured[u.tobytes()].copy()
-        y[200] = 170.0  # beyond 110 mm by more than half of the range
+        if u.tobytes() == data.runs[spoiled][0].tobytes():
+            y[200] = value
         return y
 
     monkeypatch.setattr(Narx, "free_run", perfect_but_once)
-    with pytest.raises(TrainingError, match=r"diverges .* \(seeds 3, 4\)"):
-        train(rides(), replace(QUICK, seeds=(3, 4)))
+    with pytest.raises(TrainingError, match=r"diverges.* \(seeds 3, 4\)"):
+        train(data, replace(QUICK, seeds=(3, 4)))
 
 
 def test_a_network_no_better_than_a_constant_is_refused(rides, monkeypatch):
