@@ -213,7 +213,8 @@ def test_clean_under_the_sanitizers(compiled, tmp_path):
     shapes = {
         "usual": Calibration(network()),
         "least": Calibration(network(1, 1), Detector(window=1, multiple=1, warmup=0)),
-        "most": Calibration(network(32, 16, shift=15), Detector(window=128, feedback="measured")),
+        "most": Calibration(network(32, 16, shift=15), Detector(window=128)),
+        "measured": Calibration(network(3, 2), Detector(feedback="measured")),
     }
     for name, calibration in shapes.items():
         (tmp_path / name).write_bytes(calibration.image())
