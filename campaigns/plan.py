@@ -12,7 +12,6 @@ from campaigns.errors import CampaignError
 
 HERE = Path(__file__).parent
 FAULT_FREE = "fault-free"
-MS = 1_000_000
 
 
 class Campaign(BaseModel):
