@@ -9,14 +9,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import LapError
+from bench.laps.channel_map import ChannelMap, Row
 from bench.laps.lap import Lap
+from bench.laps.recording import Recording, Track
 from dbc import CHANNELS
 
 TIME = "t_s"
 
 
-def check_names(names: Sequence[str], where: str) -> None:
-    """Raise LapError unless `names` are `t_s` and at least one of CHANNELS, each once."""
+def wanted(names: Sequence[str], channel_map: ChannelMap | None, where: str) -> dict[str, Row]:
+    """The columns to read, by name, each with the channel it becomes; the time's row has the channel `t_s`.
+
+    Without a map a file has `t_s` and some of CHANNELS and nothing else, each once; with one, what it maps.
+    Raises LapError naming the column that is missing, unknown or there twice.
+    """
+    if channel_map is None:
+        _check_names(names, where)
+        return {name: Row(name, name, "s" if name == TIME else None) for name in names}
+    time = channel_map.time or Row(TIME, TIME, "s")
+    rows = {}
+    for row in (time, *channel_map.rows.values()):
+        if names.count(row.signal) != 1:
+            found = (
+                "appears twice" if row.signal in names else f"is not there; the file has {', '.join(names)}"
+            )
+            raise LapError(
+                f"{where}: column {row.signal}, mapped to {row.channel} by {channel_map.where}, {found}"
+            )
+        if row.signal in rows:
+            raise LapError(f"{channel_map.where}: column {row.signal} is mapped twice")
+        rows[row.signal] = row
+    return rows
+
+
+def _check_names(names: Sequence[str], where: str) -> None:
     known = f"the known ones are {', '.join((TIME, *CHANNELS))}"
     seen = set()
     for name in names:
@@ -31,8 +57,10 @@ def check_names(names: Sequence[str], where: str) -> None:
         raise LapError(f"{where}: no channel beside {TIME}; {known}")
 
 
-def lap_from_columns(columns: Mapping[str, NDArray[np.float64]], where: str, source: str) -> Lap:
-    """Make a lap of float64 (samples,) columns, `t_s` in seconds rounded to whole nanoseconds.
+def recording_of(
+    columns: Mapping[str, NDArray[np.float64]], rows: Mapping[str, Row], where: str, source: str
+) -> Recording:
+    """A recording of float64 (samples,) columns, the time rounded to whole nanoseconds.
 
     Raises LapError naming `where`, the column and the row (counted from 1) of what is not finite.
     """
@@ -42,18 +70,30 @@ def lap_from_columns(columns: Mapping[str, NDArray[np.float64]], where: str, sou
             raise LapError(
                 f"{where}: row {bad[0] + 1}, column {name}: {values[bad[0]]} is not a finite number"
             )
-    t_s = columns[TIME]
+    time = next(row for row in rows.values() if row.channel == TIME)
+    t_s = columns[time.signal]
     if len(t_s) == 0:
         raise LapError(f"{where}: no samples")
+    if time.unit != "s" or time.scale != 1.0 or time.offset:
+        t_s = time.convert(t_s, None, where)
     far = np.flatnonzero(np.abs(t_s) > _FARTHEST_S)
     if far.size:
-        raise LapError(f"{where}: row {far[0] + 1}, column {TIME}: {t_s[far[0]]:g} s is beyond any lap")
+        raise LapError(
+            f"{where}: row {far[0] + 1}, column {time.signal}: {t_s[far[0]]:g} s is beyond any lap"
+        )
     t_ns = np.rint(t_s * 1e9).astype(np.int64)
-    try:
-        return Lap(t_ns, {name: values for name, values in columns.items() if name != TIME}, source)
-    except LapError as error:
-        # The lap names itself by its source; the file's whole path says more.
-        raise LapError(f"{where}: {str(error).removeprefix(f'{source}: ')}") from None
+    tracks = {
+        # a column that bears the channel's name bears its unit
+        row.channel: Track(
+            t_ns,
+            columns[name]
+            if name == row.channel and row.unit is None
+            else row.convert(columns[name], None, where),
+        )
+        for name, row in rows.items()
+        if row.channel != TIME
+    }
+    return Recording(where, source, tracks)
 
 
 _FARTHEST_S = 9.2e9  # int64 nanoseconds

@@ -5,6 +5,7 @@ Pyarrow parses; where it refuses, the file is read again line by line to say whi
 
 import csv
 import math
+from collections.abc import Container
 from pathlib import Path
 
 import numpy as np
@@ -12,30 +13,32 @@ import pyarrow as pa
 import pyarrow.csv
 
 from bench.errors import LapError
-from bench.laps.columns import check_names, columns_from_lap, lap_from_columns
+from bench.laps.channel_map import ChannelMap
+from bench.laps.columns import columns_from_lap, recording_of, wanted
 from bench.laps.lap import Lap
+from bench.laps.recording import Recording
 
 
-def read(path: Path) -> Lap:
-    """Read a lap; strict: every row has every column, every cell is a finite number."""
+def read(path: Path, channel_map: ChannelMap | None = None) -> Recording:
+    """Read a table; strict: every row has every column, every cell that is used is a finite number."""
     names = _header(path)
-    check_names(names, str(path))
+    rows = wanted(names, channel_map, str(path))
     try:
         table = pa.csv.read_csv(
             path,
             # Threads would not survive a fork of the campaign's workers.
             read_options=pa.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=1),
             convert_options=pa.csv.ConvertOptions(
-                column_types=dict.fromkeys(names, pa.float64()), null_values=[]
+                column_types=dict.fromkeys(rows, pa.float64()), null_values=[], include_columns=list(rows)
             ),
         )
     except pa.ArrowException as error:
-        _explain(path, names)
+        _explain(path, names, rows)
         raise LapError(f"{path}: {' '.join(str(error).split())}") from None
-    columns = {name: table[name].to_numpy() for name in names}
+    columns = {name: table[name].to_numpy() for name in rows}
     if not all(np.isfinite(values).all() for values in columns.values()):
-        _explain(path, names)
-    return lap_from_columns(columns, str(path), path.name)
+        _explain(path, names, rows)
+    return recording_of(columns, rows, str(path), path.name)
 
 
 def write(lap: Lap, path: Path) -> None:
@@ -58,20 +61,20 @@ def _header(path: Path) -> list[str]:
 _LONGEST_HEADER = 10_000  # a file without line ends is not read whole to say that it has no header
 
 
-def _explain(path: Path, names: list[str]) -> None:
+def _explain(path: Path, names: list[str], used: Container[str]) -> None:
     """Raise LapError for the first line that is not what a lap wants, if there is one."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = csv.reader(file)
-            next(rows)
+            lines = csv.reader(file)
+            next(lines)
             line = 1
-            for row in rows:
-                line = rows.line_num
+            for row in lines:
+                line = lines.line_num
                 where = f"{path}: line {line}"
                 if row and len(row) != len(names):
                     raise LapError(f"{where} has {len(row)} cells, the header {len(names)}")
                 for name, cell in zip(names, row, strict=False):
-                    if not _is_number(cell):
+                    if name in used and not _is_number(cell):
                         raise LapError(f"{where}, column {name}: {cell[:40]!r} is not a finite number")
             if line == 1:
                 raise LapError(f"{path}: no samples")

@@ -1,8 +1,8 @@
 """Lap files, chosen by suffix: which formats there are, and what is true of all of them.
 
 Belongs here: the table of formats, refusing what is no file, writing that leaves nothing half-written.
-Never: the inside of a format; each has its own module with `read(path) -> Lap` and, where laps can be
-written in it, `write(lap, path)`.
+Never: the inside of a format; each has its own module with `read(path, channel_map) -> Recording` and, where
+laps can be written in it, `write(lap, path)`.
 """
 
 import os
@@ -11,7 +11,9 @@ from pathlib import Path
 from types import ModuleType
 
 from bench.errors import LapError
+from bench.laps.channel_map import ChannelMap
 from bench.laps.lap import Lap
+from bench.laps.timebase import lap_of
 
 FORMATS = {
     ".csv": "bench.laps.csv",
@@ -28,9 +30,11 @@ def format_of(path: Path) -> ModuleType:
     return import_module(name)
 
 
-def read_lap(path: Path) -> Lap:
-    """Read a lap; its source is the file's name.
+def read_lap(path: Path, channel_map: ChannelMap | None = None, repair: bool = False) -> Lap:
+    """Read a lap; its source is the file's name, its `damage` what was found wrong and not fatal.
 
+    channel_map: which signals of the file are which channels; None: the file's own names are the channels'.
+    repair: mend the time base (see `bench.laps.timebase`) instead of refusing or reporting it as it is.
     Raises LapError, one line naming the file and what is wrong where, for a path that is no file, a suffix
     of no known format, and contents that are no lap.
     """
@@ -45,10 +49,10 @@ def read_lap(path: Path) -> Lap:
     if path.stat().st_size == 0:
         raise LapError(f"{path}: empty file")
     try:
-        lap: Lap = module.read(path)
+        recording = module.read(path, channel_map)
     except OSError as error:
         raise LapError(f"{path}: cannot be read: {_reason(error)}") from None
-    return lap
+    return lap_of(recording, repair)
 
 
 def check_writable(path: Path) -> None:

@@ -20,12 +20,14 @@ class Lap:
 
     t_ns: int64 (samples,), from zero or later, strictly increasing, nanoseconds.
     channels: channel name -> float64 (samples,), read-only; names are a subset of CHANNELS.
+    damage: what was found wrong with the recording, or mended, one line each; no part of equality.
     Raises LapError for NaN, unknown channels, unequal lengths, negative time, or time that does not increase.
     """
 
     t_ns: NDArray[np.int64]
     channels: Mapping[str, NDArray[np.float64]]
     source: str = ""
+    damage: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         t_ns = np.array(self.t_ns, dtype=np.int64)

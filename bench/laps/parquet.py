@@ -8,22 +8,24 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from bench.errors import LapError
-from bench.laps.columns import check_names, columns_from_lap, lap_from_columns
+from bench.laps.channel_map import ChannelMap
+from bench.laps.columns import columns_from_lap, recording_of, wanted
 from bench.laps.lap import Lap
+from bench.laps.recording import Recording
 
 
-def read(path: Path) -> Lap:
-    """Read a lap; strict: only known columns, numeric, without nulls."""
+def read(path: Path, channel_map: ChannelMap | None = None) -> Recording:
+    """Read a table; strict: the columns used are numeric and without nulls."""
     try:
         with pa.parquet.ParquetFile(path) as file:
-            check_names(file.schema_arrow.names, str(path))
+            rows = wanted(file.schema_arrow.names, channel_map, str(path))
             # Threads would not survive a fork of the campaign's workers.
-            table = file.read(use_threads=False)
+            table = file.read(columns=list(rows), use_threads=False)
     except (pa.ArrowException, ValueError) as error:  # ValueError: damaged names are not UTF-8
         reason = " ".join(str(error).split())
         raise LapError(f"{path}: not a Parquet file, or cut short: {reason}") from None
     columns = {name: _column(path, name, table[name]) for name in table.column_names}
-    return lap_from_columns(columns, str(path), path.name)
+    return recording_of(columns, rows, str(path), path.name)
 
 
 def write(lap: Lap, path: Path) -> None:
