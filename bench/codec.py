@@ -6,8 +6,9 @@ carry, so that packing never overflows; firmware that packs the same layout must
 Never: which message is sent when, what a signal means.
 """
 
+import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
@@ -27,6 +28,7 @@ class Signal:
 
     shift: bits right of it when the payload's bytes, padded to 8, are read as one integer of its byte order.
     raw_min, raw_max: what its bits can carry. low, high: the physical limits of the DBC, None if it has none.
+    names: raw value -> what the DBC calls it, empty if it calls none.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Signal:
     low: float | None
     high: float | None
     unit: str
+    names: Mapping[int, str] = field(default_factory=dict)
 
     def to_raw(self, physical: ArrayLike) -> NDArray[np.int64]:
         """Raw int64 values of `physical`, same shape: rounded half to even, saturated to the signal's bits.
@@ -75,7 +78,8 @@ class Message:
 class Codec:
     """The messages of one DBC file; two codecs of the same text share one parse.
 
-    Messages that are multiplexed, longer than 8 bytes or carry float signals are refused when asked for.
+    Messages that are multiplexed, longer than 8 bytes, carry float signals or share their name or identifier
+    are refused when asked for; `refused` says which and why, by name.
     Raises BusError for a file that cannot be read and for messages and signals it does not have.
     """
 
@@ -86,7 +90,7 @@ class Codec:
             text = self.path.read_text(encoding="cp1252", errors="replace")
         except OSError as error:
             raise BusError(f"{path}: {error.strerror}") from None
-        self._messages, self._refused = _parse(text, str(path))
+        self._messages, self.refused = _parse(text, str(path))
         self._by_id = {(message.id, message.extended): message for message in self._messages.values()}
 
     def messages(self) -> tuple[Message, ...]:
@@ -97,8 +101,8 @@ class Codec:
         """The message of that name, or of that identifier (11 bits, or 29 if `extended`)."""
         if isinstance(key, str):
             found = self._messages.get(key)
-            if key in self._refused:
-                raise BusError(f"{self.path}: message {key} {self._refused[key]}")
+            if key in self.refused:
+                raise BusError(f"{self.path}: message {key} {self.refused[key]}")
         else:
             found = self._by_id.get((key, extended))
         if found is None:
@@ -221,13 +225,25 @@ def _parse(text: str, path: str) -> tuple[dict[str, Message], dict[str, str]]:
     """The messages of a DBC text, and those that cannot be handled with the reason why."""
     import cantools
 
+    # what it warns of is refused below, by name
+    logging.getLogger("cantools").setLevel(logging.ERROR)
     try:
         database = cantools.database.load_string(text, database_format="dbc", strict=False)
     except (cantools.database.Error, ValueError) as error:
         raise BusError(f"{path}: not a DBC file: {' '.join(str(error).split())}") from None
     messages, refused = {}, {}
+    bearers: dict[tuple[int, bool], list[str]] = {}
     for message in database.messages:
+        bearers.setdefault((message.frame_id, message.is_extended_frame), []).append(message.name)
+    for message in database.messages:
+        # cantools lets the later of two answer for both
+        twins = bearers[message.frame_id, message.is_extended_frame]
         reason = _why_not(message)
+        if len(twins) > 1:
+            reason = f"shares the identifier {message.frame_id:#x}: {' and '.join(twins)}"
+        elif message.name in messages or message.name in refused:
+            messages.pop(message.name, None)
+            reason = "is defined twice"
         if reason:
             refused[message.name] = reason
             continue
@@ -248,7 +264,10 @@ def _why_not(message) -> str:  # type: ignore[no-untyped-def]  # cantools is imp
         return f"has {message.length} bytes, more than a classic frame carries"
     if message.is_multiplexed():
         return "is multiplexed"
+    names = [signal.name for signal in message.signals]
     for signal in message.signals:
+        if names.count(signal.name) > 1:
+            return f"defines the signal {signal.name} twice"
         if signal.is_float:
             return f"carries the float signal {signal.name}"
         if signal.length > _MAX_BITS:
@@ -284,4 +303,5 @@ def _signal(signal) -> Signal:  # type: ignore[no-untyped-def]  # as above
         low=None if signal.minimum is None else float(signal.minimum),
         high=None if signal.maximum is None else float(signal.maximum),
         unit=signal.unit or "",
+        names={int(raw): str(name) for raw, name in (signal.choices or {}).items()},
     )

@@ -25,6 +25,12 @@ class FaultError(BenchError):
     side = "fault"
 
 
+class SensorError(BenchError):
+    """A sensor's description is not physical or not complete."""
+
+    side = "sensor"
+
+
 class BusError(BenchError):
     """A bus cannot be opened, or a frame cannot travel on it."""
 

@@ -7,7 +7,6 @@ the libraries' hand: .blf and .mf4 are deflated, and another zlib may deflate th
 names the asammdf version in its history. candump and .asc round to microseconds, .blf keeps nanoseconds.
 """
 
-import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.errors import RecordError
+from bench.mf4 import START, forget_save_time
 from bench.whole import check_writable, whole
 from targets.ecu import Frame
 
@@ -28,8 +28,11 @@ Row = tuple[int, Frame, str]
 LOGGER = "MDLOG"
 """The node that records: its own frames are marked as sent, all others as received."""
 
-CHANNEL = "vcan0"
-"""The channel's name in candump logs; channel 1 in the other formats."""
+NOTES = "BENCH"
+"""Who sends what only recordings hold: its frames go to a channel of their own, for they never were on the bus."""
+
+CHANNELS = {"bus": "vcan0", "notes": "bench1"}
+"""The channels' names in candump logs; channels 1 and 2 in the other formats."""
 
 
 def check_target(path: Path) -> None:
@@ -58,8 +61,8 @@ def _writer(path: Path) -> Callable[[Path, Sequence[Row]], None]:
     return _WRITERS[suffix]
 
 
-def _messages(rows: Sequence[Row], late_s: float = 0.0) -> "Iterator[can.Message]":
-    """python-can's messages; `late_s` is added to every time."""
+def _messages(rows: Sequence[Row], late_s: float = 0.0, named: bool = False) -> "Iterator[can.Message]":
+    """python-can's messages; `late_s` is added to every time, the channel is a name if `named`."""
     import can
 
     for t_ns, frame, node in rows:
@@ -67,9 +70,9 @@ def _messages(rows: Sequence[Row], late_s: float = 0.0) -> "Iterator[can.Message
             timestamp=t_ns / 1e9 + late_s,
             arbitration_id=frame.id,
             is_extended_id=frame.extended,
-            is_rx=node != LOGGER,
+            is_rx=node not in (LOGGER, NOTES),
             data=frame.data,
-            channel=CHANNEL,
+            channel=CHANNELS["notes" if node == NOTES else "bus"] if named else int(node == NOTES),
         )
 
 
@@ -77,7 +80,7 @@ def _log(part: Path, rows: Sequence[Row]) -> None:
     import can
 
     with part.open("w", encoding="ascii", newline="\n") as file, can.CanutilsLogWriter(file) as writer:
-        for message in _messages(rows):
+        for message in _messages(rows, named=True):
             writer.on_message_received(message)
 
 
@@ -114,8 +117,6 @@ def _mf4(part: Path, rows: Sequence[Row]) -> None:
 
     python-can's own writer stamps the time of day and appends frame by frame.
     """
-    from datetime import UTC, datetime
-
     from asammdf import MDF, Signal
     from asammdf.blocks.v4_blocks import SourceInformation
     from asammdf.blocks.v4_constants import BUS_TYPE_CAN, SOURCE_BUS
@@ -127,31 +128,19 @@ def _mf4(part: Path, rows: Sequence[Row]) -> None:
     frames = [frame for _, frame, _ in rows]
     lengths = [len(frame.data) for frame in frames]
     data = b"".join(frame.data.ljust(8, b"\0") for frame in frames)
-    samples["CAN_DataFrame.BusChannel"] = 1
+    samples["CAN_DataFrame.BusChannel"] = [1 + (node == NOTES) for _, _, node in rows]
     samples["CAN_DataFrame.ID"] = [frame.id for frame in frames]
     samples["CAN_DataFrame.IDE"] = [frame.extended for frame in frames]
     samples["CAN_DataFrame.DLC"] = samples["CAN_DataFrame.DataLength"] = lengths
-    samples["CAN_DataFrame.Dir"] = [node == LOGGER for _, _, node in rows]
+    samples["CAN_DataFrame.Dir"] = [node in (LOGGER, NOTES) for _, _, node in rows]
     samples["CAN_DataFrame.DataBytes"] = np.frombuffer(data, dtype=np.uint8).reshape(-1, 8)
     source = SourceInformation(source_type=SOURCE_BUS, bus_type=BUS_TYPE_CAN)
     times_s = np.array([t_ns for t_ns, _, _ in rows], dtype=np.float64) / 1e9
     with MDF(version="4.10") as mdf, part.open("w+b") as file:
-        mdf.header.start_time = datetime(1970, 1, 1, tzinfo=UTC)
+        mdf.header.start_time = START
         mdf.append(Signal(samples=samples, timestamps=times_s, name="CAN_DataFrame", source=source))
         mdf.save(file, compression=2)
-    _forget_save_time(part)
-
-
-def _forget_save_time(part: Path) -> None:
-    """Zero the time in the file history, which says when the file was saved.
-
-    MDF 4.1: the header block at 64 links the first history block at its byte 32; that one holds from byte 40
-    the time, the offsets of the time zone and of daylight saving, and the flags that say what they mean.
-    """
-    content = bytearray(part.read_bytes())
-    (history,) = struct.unpack_from("<Q", content, 64 + 32)
-    struct.pack_into("<QhhB", content, history + 40, 0, 0, 0, 0)
-    part.write_bytes(content)
+    forget_save_time(part)
 
 
 _WRITERS: dict[str, Callable[[Path, Sequence[Row]], None]] = {

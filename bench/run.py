@@ -15,6 +15,7 @@ from bench.laps.lap import Lap
 from bench.mdlog.logger import Schedule, schedule
 from bench.rig import Ride, ride
 from bench.sensors.codes import Codes, acquire
+from bench.sensors.parts import IDEAL, Sensors
 from bench.verdict import TD_MAX_NS, Verdict, judge
 from bench.watch import Watch
 from targets.ecu import Ecu
@@ -34,14 +35,22 @@ class Run:
 
 
 def prepare(
-    lap: Lap, faults: Iterable[FaultSpec], needs: Sequence[str], who: str, codec: Codec
+    lap: Lap,
+    faults: Iterable[FaultSpec],
+    needs: Sequence[str],
+    who: str,
+    codec: Codec,
+    sensors: Sensors = IDEAL,
+    seed: int = 0,
 ) -> tuple[Codes, list[Insertion], Schedule]:
     """What the logger will send of `lap` under `faults`, for an ECU named `who` that needs channels `needs`.
+
+    sensors: the instruments between lap and logger; `seed` draws their imperfections.
 
     Raises LapError naming the channels that are missing, FaultError for a fault the lap cannot have.
     """
     lap.require(needs, who)
-    codes, insertions = insert(acquire(lap), faults)
+    codes, insertions = insert(acquire(lap, sensors, seed), faults)
     frames = schedule(codes, codec)
     for name, missing in frames.unsent.items():
         carried = [channel for channel in needs if channel in codec.message(name).signals]
@@ -60,13 +69,17 @@ def run_lap(
     needs: Sequence[str] = (),
     td_max_ns: int = TD_MAX_NS,
     progress: Callable[[int], None] | None = None,
+    sensors: Sensors = IDEAL,
+    seed: int = 0,
 ) -> Run:
     """Ride `lap` with `ecu` on a timed bus of 500 kbit/s while `faults` act, and judge what it said.
+
+    sensors: the instruments that read the lap; `seed` draws their imperfections.
 
     Raises LapError if the lap lacks one of the channels `needs`, FaultError for a fault it cannot have.
     """
     codec = Codec()
-    codes, insertions, frames = prepare(lap, faults, needs, f"ecu {ecu.name}", codec)
+    codes, insertions, frames = prepare(lap, faults, needs, f"ecu {ecu.name}", codec, sensors, seed)
     watch = Watch(codec, ecu.name)
     done = ride(frames, ecu, watch, BITRATE, progress)
     return Run(judge(watch, insertions, done.failure, td_max_ns), watch, done, insertions, codes)

@@ -13,5 +13,5 @@ def read_table(path: Path, error: type[BenchError]) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as problem:
         raise error(f"{path}: cannot be read: {problem.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+    except ValueError as problem:  # no TOML, no UTF-8, or a number longer than Python converts
         raise error(f"{path}: not TOML: {problem}") from None

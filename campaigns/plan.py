@@ -22,6 +22,8 @@ class Campaign(BaseModel):
     title: str
     stands_for: str
     route: str
+    motorcycle: str = "gsxr1000"
+    sensors: str = "datasheet"
     laps: Annotated[int, Field(ge=1, le=100_000, strict=True)]
     seed: Annotated[int, Field(ge=0, strict=True)]
     fault_window_s: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
@@ -33,11 +35,14 @@ class Campaign(BaseModel):
 class Trial:
     """One lap under one condition.
 
-    condition: a key of the campaign's faults, or FAULT_FREE. fault: its specification, '' for none.
+    condition: a key of the campaign's faults, or FAULT_FREE. fault: its specification, '' for none. The lap's
+    seed is its sensors', too.
     """
 
     condition: str
     route: str
+    motorcycle: str
+    sensors: str
     lap_seed: int
     fault: str
     seconds: float | None = None
@@ -77,7 +82,8 @@ def expand(campaign: Campaign) -> list[Trial]:
             seed = campaign.seed + number * campaign.laps + lap
             faulty = condition != FAULT_FREE
             spec = str(parse_fault(f"{fault}@{_instant(campaign, seed)}")) if faulty else ""
-            trials.append(Trial(condition, campaign.route, seed, spec, campaign.seconds))
+            what = campaign.route, campaign.motorcycle, campaign.sensors
+            trials.append(Trial(condition, *what, seed, spec, campaign.seconds))
     return trials
 
 

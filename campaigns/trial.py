@@ -8,6 +8,7 @@ from bench.plant.motorcycle import load_motorcycle
 from bench.plant.ride import ride
 from bench.plant.route import load_route
 from bench.run import run_lap
+from bench.sensors.datasheets import load_sensors
 from bench.verdict import Outcome
 from campaigns.plan import Trial
 from targets.ecus import Build
@@ -33,10 +34,11 @@ class Result:
 
 def carry_out(trial: Trial, build: Build, progress: Callable[[int], None] | None = None) -> Result:
     """Ride the trial's lap with a fresh ECU of `build`."""
-    lap = ride(load_route(trial.route), load_motorcycle(), trial.lap_seed, trial.seconds)
+    lap = ride(load_route(trial.route), load_motorcycle(trial.motorcycle), trial.lap_seed, trial.seconds)
+    sensors = load_sensors(trial.sensors)
     faults = [parse_fault(trial.fault)] if trial.fault else []
     ecu = build.power_on()
-    run = run_lap(lap, ecu, faults, build.needs(), progress=progress)
+    run = run_lap(lap, ecu, faults, build.needs(), progress=progress, sensors=sensors, seed=trial.lap_seed)
     cycles = run.watch.step_cycles
     mcu = getattr(ecu, "mcu", None)
     return Result(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from bench.laps.lap import Lap
     from targets.ecus import Build
 
 EcuName = Annotated[str, typer.Option("--ecu", help="The ECU under test: ifd or soft_sensor.")]
@@ -24,10 +25,37 @@ Faults = Annotated[
         help="SENSOR:KIND[:PARAM=VALUE,...]@TIME[+DURATION], times in s; may be given more than once.",
     ),
 ]
+SensorsName = Annotated[
+    str,
+    typer.Option(
+        "--sensors",
+        metavar="NAME|FILE",
+        help="datasheet (noise, bias, filters), ideal (for recordings of real sensors), or a .toml file.",
+    ),
+]
+SensorSeed = Annotated[int, typer.Option("--seed", help="Draws the sensors' imperfections.")]
+Map = Annotated[
+    Path | None,
+    typer.Option("--map", metavar="FILE", help="Which signal of the file is which channel (.toml)."),
+]
+Repair = Annotated[
+    bool, typer.Option("--repair", help="Mend the time base: gaps, jitter, clock jumps, repetitions.")
+]
 BusName = Annotated[
     str,
     typer.Option("--bus", metavar="IFACE[:CHANNEL]", help="A python-can interface, e.g. socketcan:vcan0."),
 ]
+
+
+def open_lap(path: Path, map_file: Path | None, repair: bool) -> "Lap":
+    """The lap the options name; what was found wrong with it, or mended, is said on stderr."""
+    from bench.laps.channel_map import load_map
+    from bench.laps.files import read_lap
+
+    lap = read_lap(path, load_map(map_file) if map_file else None, repair)
+    for line in lap.damage:
+        typer.echo(f"bench: lap: {path}: {line}", err=True)
+    return lap
 
 
 def build_ecu(role: str, host: str, model: Path | None, elf: Path | None) -> "Build":

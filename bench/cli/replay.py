@@ -2,21 +2,32 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bench.cli.options import BusName, Faults
+from bench.cli.options import BusName, Faults, Map, Repair, SensorSeed, SensorsName, open_lap
 from bench.cli.stop import stoppable
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from bench.faults.insertion import Insertion
+    from bench.live import Replay
+    from bench.watch import Watch
 
 
 def replay(
-    lap: Annotated[Path, typer.Argument(metavar="LAP", help="Lap file (.csv, .parquet).")],
+    lap: Annotated[Path, typer.Argument(metavar="LAP", help="Lap file or recording.")],
     bus: BusName,
     fault: Faults = None,
     ecu: Annotated[
         str | None, typer.Option("--ecu", help="Judge the answers of this ECU: ifd or soft_sensor.")
     ] = None,
+    sensors: SensorsName = "datasheet",
+    seed: SensorSeed = 0,
+    map_file: Map = None,
+    repair: Repair = False,
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the result as JSON.")
     ] = None,
@@ -29,18 +40,15 @@ def replay(
     Exit code 0: replayed in time (with --ecu: and passed). 1: any other verdict. 2: bad input, or a bus that
     went away. 130: stopped before the end, nothing written.
     """
-    from rich.console import Console
-    from rich.markup import escape
-
     from bench.bus.live import LiveBus
     from bench.cli.progress import lap_progress
     from bench.codec import Codec
     from bench.faults.spec import parse_fault
-    from bench.laps.files import read_lap
     from bench.live import replay as play
+    from bench.mdlog.events import noted
     from bench.recorder import check_target, record
     from bench.run import prepare
-    from bench.verdict import judge
+    from bench.sensors.datasheets import load_sensors
     from bench.watch import Watch
     from bench.whole import check_writable, whole
 
@@ -50,8 +58,9 @@ def replay(
         check_target(record_out)
     codec = Codec()
     specs = [parse_fault(text) for text in fault or []]
-    ridden = read_lap(lap)
-    _, insertions, frames = prepare(ridden, specs, (), "replay", codec)
+    instruments = load_sensors(sensors)
+    ridden = open_lap(lap, map_file, repair)
+    _, insertions, frames = prepare(ridden, specs, (), "replay", codec, instruments, seed)
     watch = Watch(codec, ecu) if ecu else None
     try:
         with LiveBus(bus) as live, stoppable(), lap_progress(ridden.duration_ns) as tell:
@@ -59,36 +68,48 @@ def replay(
     except KeyboardInterrupt:
         typer.echo("bench: replay: stopped before the lap's end; no verdict, nothing written", err=True)
         raise typer.Exit(130) from None
-    console = Console()
     for name, channels in frames.unsent.items():
-        console.print(f"not sent: {name}, the lap lacks {', '.join(channels)}", highlight=False)
-    result = {
+        typer.echo(f"not sent: {name}, the lap lacks {', '.join(channels)}")
+    result, passed = _judged(done, watch, insertions)
+    if record_out:
+        record(record_out, noted(done.frames, insertions, codec))
+    if json_out:
+        with whole(json_out) as part:
+            part.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    if not passed:
+        raise typer.Exit(1)
+
+
+def _judged(
+    done: "Replay", watch: "Watch | None", insertions: "Sequence[Insertion]"
+) -> tuple[dict[str, Any], bool]:
+    """The result for JSON and whether it passed; says both on the screen."""
+    from rich.console import Console
+    from rich.markup import escape
+
+    from bench.verdict import judge
+
+    console = Console()
+    result: dict[str, Any] = {
         "frames_sent": sum(node == "MDLOG" for _, _, node in done.frames),
         "frames_heard": sum(node != "MDLOG" for _, _, node in done.frames),
         "late_ms": {"worst": done.worst_late_ns / 1e6, "mean": done.mean_late_ns / 1e6},
     }
-    passed = done.failure is None
     console.print(
         f"{result['frames_sent']} frames sent, {result['frames_heard']} heard; late by "
         f"{done.worst_late_ns / 1e6:.2f} ms at worst, {done.mean_late_ns / 1e6:.2f} ms on average",
         highlight=False,
         soft_wrap=True,
     )
-    if watch:
-        verdict = judge(watch, insertions, done.failure)
-        passed = verdict.outcome.passed
-        result |= {"outcome": str(verdict.outcome), "reason": verdict.reason, "answers": watch.answered}
-        for name in ("t_active", "t_alarm", "td"):
-            value = getattr(verdict, f"{name}_ns")
-            result[f"{name}_s"] = None if value is None else value / 1e9
-        reason = escape(verdict.reason)
-        console.print(f"[bold]{verdict.outcome}[/]  {reason}", highlight=False, soft_wrap=True)
-    elif done.failure:
-        console.print(done.failure, highlight=False, markup=False, soft_wrap=True)
-    if record_out:
-        record(record_out, done.frames)
-    if json_out:
-        with whole(json_out) as part:
-            part.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    if not passed:
-        raise typer.Exit(1)
+    if watch is None:
+        if done.failure:
+            console.print(done.failure, highlight=False, markup=False, soft_wrap=True)
+        return result, done.failure is None
+    verdict = judge(watch, insertions, done.failure)
+    result |= {"outcome": str(verdict.outcome), "reason": verdict.reason, "answers": watch.answered}
+    for name in ("t_active", "t_alarm", "td"):
+        value = getattr(verdict, f"{name}_ns")
+        result[f"{name}_s"] = None if value is None else value / 1e9
+    reason = escape(verdict.reason)
+    console.print(f"[bold]{verdict.outcome}[/]  {reason}", highlight=False, soft_wrap=True)
+    return result, verdict.outcome.passed

@@ -6,7 +6,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bench.cli.options import EcuName, Elf, Faults, Host, Model, build_ecu
+from bench.cli.options import (
+    EcuName,
+    Elf,
+    Faults,
+    Host,
+    Map,
+    Model,
+    Repair,
+    SensorSeed,
+    SensorsName,
+    build_ecu,
+    open_lap,
+)
 
 if TYPE_CHECKING:
     from bench.run import Run
@@ -14,12 +26,16 @@ if TYPE_CHECKING:
 
 
 def run(
-    lap: Annotated[Path, typer.Argument(metavar="LAP", help="Lap file (.csv, .parquet).")],
+    lap: Annotated[Path, typer.Argument(metavar="LAP", help="Lap file or recording.")],
     fault: Faults = None,
     ecu: EcuName = "ifd",
     on: Host = "mcu",
     model: Model = None,
     elf: Elf = None,
+    sensors: SensorsName = "datasheet",
+    seed: SensorSeed = 0,
+    map_file: Map = None,
+    repair: Repair = False,
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the result as JSON.")
     ] = None,
@@ -32,10 +48,12 @@ def run(
 
     Exit code 0: a fault was found, or there was none and no alarm. 1: any other verdict. 2: bad input.
     """
+    from bench.codec import Codec
     from bench.faults.spec import parse_fault
-    from bench.laps.files import read_lap
+    from bench.mdlog.events import noted
     from bench.recorder import check_target, record
     from bench.run import document, run_lap
+    from bench.sensors.datasheets import load_sensors
     from bench.whole import check_writable, whole
 
     if json_out:
@@ -44,17 +62,19 @@ def run(
         check_target(record_out)
     specs = [parse_fault(text) for text in fault or []]
     build = build_ecu(ecu, on, model, elf)
-    ride_of = read_lap(lap)
+    instruments = load_sensors(sensors)
+    ride_of = open_lap(lap, map_file, repair)
 
     with _progress(ride_of.duration_ns) as tell:
         device = build.power_on()
-        done = run_lap(ride_of, device, specs, build.needs(), progress=tell)
+        done = run_lap(ride_of, device, specs, build.needs(), progress=tell, sensors=instruments, seed=seed)
 
     result = document(done)
     result["unmodelled_accesses"] = _unmodelled(device)
-    result["provenance"] = _provenance(build, lap, ride_of.digest())
+    result["provenance"] = _provenance(build, lap, ride_of.digest(), sensors, seed)
     if record_out:
-        record(record_out, [(d.t_end_ns, d.frame, d.node) for d in done.ride.frames])
+        rows = [(d.t_end_ns, d.frame, d.node) for d in done.ride.frames]
+        record(record_out, noted(rows, done.insertions, Codec()))
     if json_out:
         with whole(json_out) as part:
             part.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
@@ -74,7 +94,7 @@ def _unmodelled(device: Any) -> dict[str, int]:
     return {f"{address:#010x}": count for address, count in mcu.unmodelled().items()} if mcu else {}
 
 
-def _provenance(build: "Build", lap: Path, digest: str) -> dict[str, Any]:
+def _provenance(build: "Build", lap: Path, digest: str, sensors: str, seed: int) -> dict[str, Any]:
     from bench.provenance import versions
 
     trained = build.calibration.provenance.get("seed")
@@ -83,8 +103,9 @@ def _provenance(build: "Build", lap: Path, digest: str) -> dict[str, Any]:
         "lap": lap.name,
         "lap_sha256": digest,
         **build.provenance(),
-        # Nothing in a run is random: the seeds that matter made the lap (unknown here) and the network.
-        "seed": {"run": None, "calibration": trained},
+        "sensors": sensors,
+        # The other seeds that matter made the lap (unknown here) and the network.
+        "seed": {"sensors": seed, "calibration": trained},
     }
 
 

@@ -6,8 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bench.cli.options import Map, Repair, SensorsName, open_lap
+
 if TYPE_CHECKING:
     from bench.laps.lap import Lap
+    from bench.sensors.parts import Sensors
     from targets.calibration import Detector
     from targets.narx.network import Narx
     from targets.narx.sequences import Sequences
@@ -34,6 +37,9 @@ def narx(
     shift: Annotated[int, typer.Option(help="Samples by which the prediction runs ahead.")] = 0,
     seed: Annotated[int, typer.Option(help="First of the seeds to try.")] = 0,
     seeds: Annotated[int, typer.Option(help="So many seeds; the best on held-out laps is kept.")] = 4,
+    sensors: SensorsName = "datasheet",
+    map_file: Map = None,
+    repair: Repair = False,
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the report as JSON.")
     ] = None,
@@ -44,6 +50,7 @@ def narx(
     n is the smallest with which no training lap raises an alarm. Ctrl-C keeps the best network so far.
     """
     from bench.provenance import versions
+    from bench.sensors.datasheets import load_sensors
     from bench.whole import check_writable, whole
     from targets.calibration import Calibration, Detector, dumps
     from targets.ifd import quiet_multiple
@@ -53,8 +60,9 @@ def narx(
     check_writable(out)
     if json_out:
         check_writable(json_out)
-    ridden = _laps(laps)
-    data = _sequences(ridden)
+    instruments = load_sensors(sensors)
+    ridden = _laps(laps, map_file, repair)
+    data = _sequences(ridden, instruments)
     settings = Settings(
         neurons=neurons, delays=delay, shift=shift, seeds=tuple(range(seed, seed + max(seeds, 0)))
     )
@@ -67,6 +75,7 @@ def narx(
         "made_by": "bench train narx",
         "versions": {name: v for name, v in versions().items() if name in ("strokebench", "numpy", "numba")},
         "seed": report.chosen,
+        "sensors": instruments.name,
         "laps_sha256": {lap.source: lap.digest() for lap in ridden},
         "training": _quality(report, "training"),
         "held_out": _quality(report, "held_out"),
@@ -82,19 +91,19 @@ def narx(
     _print(report, detector, out)
 
 
-def _laps(folder: Path) -> "list[Lap]":
+def _laps(folder: Path, map_file: Path | None, repair: bool) -> "list[Lap]":
     from bench.errors import LapError
-    from bench.laps.files import FORMATS, read_lap
+    from bench.laps.files import FORMATS
 
     if not folder.is_dir():
         raise LapError(f"{folder}: no such folder")
     files = sorted(path for path in folder.iterdir() if path.suffix.lower() in FORMATS)
     if not files:
         raise LapError(f"{folder}: no lap in it ({', '.join(FORMATS)})")
-    return [read_lap(path) for path in files]
+    return [open_lap(path, map_file, repair) for path in files]
 
 
-def _sequences(laps: "list[Lap]") -> "Sequences":
+def _sequences(laps: "list[Lap]", sensors: "Sensors") -> "Sequences":
     """The laps as the ECU sees them: through sensors and logger, at 100 Hz."""
     import numpy as np
 
@@ -106,7 +115,7 @@ def _sequences(laps: "list[Lap]") -> "Sequences":
     runs = []
     for lap in laps:
         lap.require((*inputs, output), "training")
-        seen = sampled(acquire(lap))
+        seen = sampled(acquire(lap, sensors))
         runs.append((np.stack([seen[name] for name in inputs], axis=1), seen[output]))
     return Sequences(inputs, output, tuple(runs))
 

@@ -21,12 +21,14 @@ class Insertion(NamedTuple):
 
     t_cmd_ns: when it was asked for. t_active_ns: the first sample that differs from the fault-free twin.
     t_obs_ns: the first sample that differs by more than the sensor's tolerance. None if there is none.
+    t_end_ns: when it stops acting, None if not before the lap ends.
     """
 
     spec: FaultSpec
     t_cmd_ns: int
     t_active_ns: int | None
     t_obs_ns: int | None
+    t_end_ns: int | None = None
 
 
 def insert(codes: Codes, specs: Iterable[FaultSpec]) -> tuple[Codes, list[Insertion]]:
@@ -70,6 +72,7 @@ def _insert(codes: Codes, spec: FaultSpec) -> tuple[np.ndarray, Insertion]:
         spec.t_cmd_ns,
         _first(t_ns, error > 0),
         _first(t_ns, error > transducer.tolerance_codes),
+        None if end_ns > last_ns else end_ns,
     )
 
 

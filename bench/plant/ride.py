@@ -8,22 +8,16 @@ from numpy.typing import NDArray
 
 from bench.errors import RouteError
 from bench.laps.lap import Lap
-from bench.plant.dynamics import COLUMNS, GRAVITY_M_PER_S2, simulate
-from bench.plant.motorcycle import Motorcycle, Strut
+from bench.plant.dynamics import COLUMNS, DEGREES_PER_RADIAN, GRAVITY_M_PER_S2, SUBSTEPS, simulate
+from bench.plant.hidden import draw, lean, loaded, oil, posture
+from bench.plant.motorcycle import Motorcycle
 from bench.plant.rider import GRID_M, Rider, follow, target_speeds
 from bench.plant.road import STEP_M, Road, build_road
 from bench.plant.route import Route, Stretch, checked_seed, shuffled
+from dbc import CHANNELS
 
 SAMPLE_NS = 1_000_000
 LONGEST_S = 7200  # what fits in memory with room to spare; longer campaigns ride more laps
-
-# What differs from lap to lap and no channel shows: standard deviations, cut at two of them. Small on
-# purpose: a load of 3 kg moves the mean rear stroke by about 1 mm, and a soft sensor that sees fork stroke,
-# pitch rate and speed has to live with that, as on a real motorcycle.
-LOAD_KG = 1.5
-DAMPER = 0.015
-PACE = 0.02
-HANDS = 0.1  # of acceleration and braking
 
 
 class Longitudinal(NamedTuple):
@@ -34,13 +28,20 @@ class Longitudinal(NamedTuple):
     a_mps2: NDArray[np.float64]
 
 
-def ride(route: Route, motorcycle: Motorcycle, seed: int, seconds: float | None = None) -> Lap:
+def ride(
+    route: Route,
+    motorcycle: Motorcycle,
+    seed: int,
+    seconds: float | None = None,
+    substeps: int = SUBSTEPS,
+) -> Lap:
     """Ride a route once, or for `seconds` (round and round, cut there).
 
-    The same arguments give the same bytes. Pitch rate is positive nose down (II.1); strokes grow under
-    compression; accelerations are vertical and kinematic (zero at rest), the body's on the steering head.
+    The same arguments give the same bytes. Pitch rate is the frame's, positive nose down (II.1); strokes grow
+    as struts shorten; accelerations are vertical and kinematic, 0 at rest, the body's at the steering head.
     FIDELITY: true values, no sensor between; no engine vibration.
-    Raises RouteError for a negative seed, a length that is no time, or a stroke beyond its sensor's range.
+    Raises RouteError for a negative seed, a length that is no time, a speed beyond a tyre's rating, and a
+    stroke beyond its sensor's range.
     """
     seed = checked_seed(seed)
     if seconds is not None and not 0.002 <= seconds <= LONGEST_S:
@@ -49,44 +50,29 @@ def ride(route: Route, motorcycle: Motorcycle, seed: int, seconds: float | None 
         raise RouteError(f"route {route.name} takes {route.nominal_s:.0f} s, more than {LONGEST_S} s")
     if route.shuffle:
         route = shuffled(route, seed)
-    hidden, riding, roads = np.random.SeedSequence(seed).spawn(3)
-    draw = np.clip(np.random.Generator(np.random.PCG64(hidden)).standard_normal(5), -2.0, 2.0)
-    motorcycle = vary(motorcycle, load_kg=LOAD_KG * draw[0], damper=1.0 + DAMPER * draw[1])
-    rider = Rider(
-        pace=1.0 + PACE * draw[2],
-        drive_ms2=2.4 * (1.0 + HANDS * draw[3]),
-        brake_ms2=2.8 * (1.0 + HANDS * draw[4]),
-    )
+    seeds = np.random.SeedSequence(seed).spawn(5)
+    hidden = draw(seeds[0])
+    motorcycle = loaded(motorcycle, hidden)
     stretches = route.stretches
     if seconds is not None:
         # The pace is at most 4 % up and the target at most 8 %: so many rounds cannot end early.
         stretches *= math.ceil((seconds + 1.0) * 1.15 / route.nominal_s)
-    rng = np.random.Generator(np.random.PCG64(riding))
-    way = _longitudinal(stretches, rider, rng, seconds)
-    out = _suspension(motorcycle, build_road(stretches, roads), way)
-    _check(route, motorcycle, out)
-    channels = {name: out[:, k] for k, name in enumerate(COLUMNS) if not name.endswith("tyre_n")}
+    riding, bends, body = (np.random.Generator(np.random.PCG64(s)) for s in (seeds[1], seeds[3], seeds[4]))
+    way = _longitudinal(stretches, hidden.rider, riding, seconds)
+    _check_speed(route, motorcycle, way)
+    road = build_road(stretches, seeds[2])
+    lean_rad = lean(stretches, way.x_m, bends)
+    samples = len(way.x_m)
+    rows = _rows(motorcycle, road, way, lean_rad, posture(motorcycle, samples, body), oil(hidden, samples))
+    out = simulate(motorcycle, road.height_m, STEP_M, rows, substeps)
+    _check_strokes(route, motorcycle, out)
+    channels = {name: out[:, COLUMNS.index(name)] for name in CHANNELS if name != "speed_kmh"}
     channels["speed_kmh"] = way.v_mps * 3.6
+    # In a steady turn the frame yaws by g tan(lean) / v; sin(lean) of it is about the frame's own pitch axis.
+    yaw = GRAVITY_M_PER_S2 * np.tan(lean_rad) / np.maximum(way.v_mps, 3.0)
+    channels["pitch_rate_dps"] = channels["pitch_rate_dps"] - DEGREES_PER_RADIAN * yaw * np.sin(lean_rad)
     t_ns = np.arange(len(out), dtype=np.int64) * SAMPLE_NS
     return Lap(t_ns, channels, source=f"{route.name} seed {seed}")
-
-
-def vary(motorcycle: Motorcycle, load_kg: float, damper: float) -> Motorcycle:
-    """The motorcycle with `load_kg` more on the body and both dampers' constants times `damper`."""
-    return motorcycle._replace(
-        sprung_kg=motorcycle.sprung_kg + load_kg,
-        fork=_warm(motorcycle.fork, damper),
-        shock=_warm(motorcycle.shock, damper),
-    )
-
-
-def _warm(strut: Strut, damper: float) -> Strut:
-    return strut._replace(
-        compression_ns_per_m=strut.compression_ns_per_m * damper,
-        compression_fast_ns_per_m=strut.compression_fast_ns_per_m * damper,
-        rebound_ns_per_m=strut.rebound_ns_per_m * damper,
-        rebound_fast_ns_per_m=strut.rebound_fast_ns_per_m * damper,
-    )
 
 
 def _longitudinal(
@@ -104,16 +90,36 @@ def _longitudinal(
     return Longitudinal(x[:count], v[:count], a[:count])
 
 
-def _suspension(motorcycle: Motorcycle, road: Road, way: Longitudinal) -> NDArray[np.float64]:
+def _rows(
+    motorcycle: Motorcycle,
+    road: Road,
+    way: Longitudinal,
+    lean_rad: NDArray[np.float64],
+    moment_nm: NDArray[np.float64],
+    damper: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """What `simulate` is driven with: (6, samples), rows as in its WAY; moment_nm comes on top, nose up."""
     m = motorcycle
     drag = m.drag_n_per_m2s2 * way.v_mps**2
     # What inertia and grade ask of the tyres; with h and the drag's height it is the load transfer.
     inertia = m.mass_kg * (way.a_mps2 + GRAVITY_M_PER_S2 * road.grade_at(way.x_m))
-    moment = inertia * m.height_m + drag * m.drag_height_m
-    return simulate(m, road.height_m, STEP_M, way.x_m, way.v_mps, inertia + drag, moment)
+    moment = inertia * m.height_m + drag * m.drag_height_m + moment_nm
+    # Leaning in a steady turn, gravity and centrifugal force add up along the frame to g / cos(lean).
+    weight = 1.0 / np.cos(lean_rad)
+    return np.stack([way.x_m, way.v_mps, inertia + drag, moment, weight, damper])
 
 
-def _check(route: Route, motorcycle: Motorcycle, out: NDArray[np.float64]) -> None:
+def _check_speed(route: Route, motorcycle: Motorcycle, way: Longitudinal) -> None:
+    fastest = 3.6 * float(way.v_mps.max())
+    for name, tyre in (("front_tyre", motorcycle.front_tyre), ("rear_tyre", motorcycle.rear_tyre)):
+        if fastest > tyre.fastest_kmh:
+            raise RouteError(
+                f"{route.name}: {fastest:.0f} km/h is beyond the tyre model: {name}.fastest_kmh is "
+                f"{tyre.fastest_kmh:g}"
+            )
+
+
+def _check_strokes(route: Route, motorcycle: Motorcycle, out: NDArray[np.float64]) -> None:
     for column, strut in enumerate((motorcycle.fork, motorcycle.shock)):
         stroke = out[:, column]
         # not (inside) rather than outside: a run that blew up holds NaN

@@ -1,4 +1,4 @@
-"""The route: stretches of road in riding order, each with its surface and the speed it is ridden at.
+"""The route: stretches of road in riding order, each with its road and the speed it is ridden at.
 
 Belongs here: what a route is, its TOML, and how a seed makes another route of it. Never: a road profile.
 """
@@ -6,57 +6,33 @@ Belongs here: what a route is, its TOML, and how a seed makes another route of i
 import math
 import operator
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.errors import RouteError
-from bench.plant.surface import SURFACES
+from bench.plant.road.obstacles import Obstacle
+from bench.plant.road.profiles import load_profile
+from bench.plant.road.stretch import Stretch
 from bench.toml import read_table
 
-FOLDER = Path(__file__).parent
-NAMES = ("mixed_5km", "training")
-"""Routes that come with the bench."""
+__all__ = ["FOLDER", "NAMES", "Obstacle", "Route", "Stretch", "checked_seed", "load_route", "shuffled"]
 
-
-@dataclass(frozen=True)
-class Stretch:
-    """A piece of road: one surface, one target speed, and speed bumps from `bump_lead_m` on if it has any."""
-
-    surface: str
-    length_m: float
-    speed_kmh: float
-    bumps: int = 0
-    bump_spacing_m: float = 30.0
-    bump_height_m: float = 0.05
-    bump_length_m: float = 0.90
-    bump_lead_m: float = 15.0
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.surface, str) or self.surface not in SURFACES:
-            raise RouteError(f"unknown surface {self.surface!r}; the known ones are {', '.join(SURFACES)}")
-        if isinstance(self.bumps, bool) or not isinstance(self.bumps, int):
-            raise RouteError(f"bumps is {self.bumps!r}, not a whole number")
-        for name, (low, high) in _LIMITS.items():
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-                raise RouteError(f"{name} is {value!r}, not a number from {low:g} to {high:g}")
-        need_m = self.bump_lead_m + (self.bumps - 1) * self.bump_spacing_m + self.bump_length_m
-        if self.bumps and need_m > self.length_m:
-            raise RouteError(f"{self.bumps} bumps need {need_m:g} m, the stretch is {self.length_m:g} m long")
-
-
-_LIMITS = {
-    "length_m": (1.0, 100_000.0),
-    "speed_kmh": (10.0, 200.0),  # the speed channel's range is 0-200 km/h (section III.3)
-    "bumps": (0, 1000),
-    "bump_spacing_m": (2.0, 1000.0),
-    "bump_height_m": (0.0, 0.15),
-    "bump_length_m": (0.2, 10.0),
-    "bump_lead_m": (0.0, 1000.0),
-}
+FOLDER = Path(__file__).parent / "routes"
+NAMES = (
+    "mixed_5km",
+    "training",
+    "test_lap",
+    "random",
+    "motorway",
+    "pave",
+    "english_track",
+    "short_back",
+    "drain_well",
+)
+"""Routes that come with the bench; the last six are the benchmark roads of the paper on virtual sensors."""
 
 
 @dataclass(frozen=True)
@@ -105,21 +81,51 @@ def load_route(name: str | Path) -> Route:
     return Route(path.stem, tuple(_stretch(path, k, row) for k, row in enumerate(rows, 1)), shuffle)
 
 
+_STRETCH_KEYS = ("surface", "profile", "profile_v_m", "length_m", "speed_kmh", "lean_deg", "obstacle")
+_OBSTACLE_KEYS = tuple(field.name for field in fields(Obstacle))
+
+
 def _stretch(path: Path, number: int, row: Any) -> Stretch:
     where = f"{path}: stretch {number}"
-    if not isinstance(row, Mapping):
-        raise RouteError(f"{where} is {row!r}, not a table")
-    names = [field.name for field in fields(Stretch)]
-    for key in row:
-        if key not in names:
-            raise RouteError(f"{where}: unknown key {key}")
-    for key in names[:3]:
-        if key not in row:
-            raise RouteError(f"{where}: missing {key}")
+    table = _table(where, row, _STRETCH_KEYS, ("length_m", "speed_kmh"))
+    obstacles = table.pop("obstacle", [])
+    if not isinstance(obstacles, list):
+        raise RouteError(f"{where}: obstacle is {obstacles!r}, not [[stretch.obstacle]]")
+    name, v_m = table.pop("profile", None), table.pop("profile_v_m", None)
+    if name is None and "surface" not in table:
+        raise RouteError(f"{where}: missing surface or profile")
+    if name is None and v_m is not None:
+        raise RouteError(f"{where}: profile_v_m is {v_m!r}, but there is no profile")
+    if name is not None and not isinstance(name, str):
+        raise RouteError(f"{where}: profile is {name!r}, not the name of a file")
+    laid = tuple(_obstacle(f"{where}: obstacle {k}", obstacle) for k, obstacle in enumerate(obstacles, 1))
     try:
-        return Stretch(**row)
+        profile = None if name is None else load_profile(path.parent / name, 0.0 if v_m is None else v_m)
+        return Stretch(table.pop("surface", None), **table, obstacles=laid, profile=profile)
     except RouteError as error:
         raise RouteError(f"{where}: {error}") from None
+
+
+def _obstacle(where: str, row: Any) -> Obstacle:
+    required = tuple(field.name for field in fields(Obstacle) if field.default is MISSING)
+    table = _table(where, row, _OBSTACLE_KEYS, required)
+    try:
+        return Obstacle(**table)
+    except RouteError as error:
+        raise RouteError(f"{where}: {error}") from None
+
+
+def _table(where: str, row: Any, keys: tuple[str, ...], required: tuple[str, ...]) -> dict[str, Any]:
+    """A copy of a table that has no key but `keys`, and all that are `required`."""
+    if not isinstance(row, Mapping):
+        raise RouteError(f"{where} is {row!r}, not a table")
+    for key in row:
+        if key not in keys:
+            raise RouteError(f"{where}: unknown key {key}; the known ones are {', '.join(keys)}")
+    for key in required:
+        if key not in row:
+            raise RouteError(f"{where}: missing {key}")
+    return dict(row)
 
 
 def checked_seed(seed: int) -> int:
@@ -134,20 +140,21 @@ def checked_seed(seed: int) -> int:
 
 
 def shuffled(route: Route, seed: int) -> Route:
-    """The same kinds of road in another order, with other lengths (x0.7-1.3), speeds (x0.85-1.2) and bumps.
+    """The same kinds of road in another order, of other lengths (x0.7-1.3), at other speeds (x0.85-1.2).
 
-    Bump stretches keep their length and are ridden no faster than asked, so that no bump becomes a jump.
+    Stretches with obstacles keep their length and are ridden no faster than asked, and the obstacles are
+    lower (x0.6-1), so that no bump becomes a jump.
     """
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([checked_seed(seed), _SHUFFLE])))
     stretches = []
     for k in rng.permutation(len(route.stretches)):
         stretch = route.stretches[k]
         length, speed, height = rng.uniform((0.7, 0.85, 0.6), (1.3, 1.2, 1.0))
-        if stretch.bumps:
+        if stretch.obstacles:
             stretch = replace(
                 stretch,
                 speed_kmh=max(10.0, stretch.speed_kmh * min(speed, 1.0)),
-                bump_height_m=stretch.bump_height_m * height,
+                obstacles=tuple(replace(o, height_m=o.height_m * height) for o in stretch.obstacles),
             )
         else:
             stretch = replace(

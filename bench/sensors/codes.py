@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.laps.lap import Lap
+from bench.sensors.parts import IDEAL, Sensors
+from bench.sensors.streams import streams, time_base
 from bench.sensors.transducers import BY_CHANNEL
 
 
@@ -33,15 +35,27 @@ class Codes:
                 raise ValueError(f"{sensor}: {codes.size} codes for {self.t_ns.size} instants")
 
 
-def acquire(lap: Lap) -> Codes:
-    """Read every channel of `lap` that a sensor of Table II.1 measures, all at the lap's own instants."""
-    codes, saturated = {}, {}
-    for channel, values in lap.channels.items():
-        if channel in BY_CHANNEL:
-            transducer = BY_CHANNEL[channel]
-            array, beyond = transducer.to_codes(values)
-            array.setflags(write=False)
-            codes[transducer.sensor], saturated[transducer.sensor] = array, beyond
+def acquire(lap: Lap, sensors: Sensors = IDEAL, seed: int = 0) -> Codes:
+    """Read every channel of `lap` that a sensor of Table II.1 measures, all at the lap's own instants.
+
+    Ideal sensors give the rounded true values. Others draw their imperfections from `seed` and the channel
+    itself (`streams`): same lap, sensors and seed, same bytes. Raises SensorError for a negative seed.
+    """
     t_ns = lap.t_ns - lap.t_ns[0]
     t_ns.setflags(write=False)
+    base = time_base(t_ns) if sensors.parts or sensors.logger else None
+    codes, saturated = {}, {}
+    for channel, values in lap.channels.items():
+        if channel not in BY_CHANNEL:
+            continue
+        transducer = BY_CHANNEL[channel]
+        if base is None or not sensors.touch(transducer):
+            array, beyond = transducer.to_codes(values)
+        else:
+            from bench.sensors.instruments import read  # numba: only who needs it waits for it
+
+            draw = streams(seed, base, transducer.sensor, values)
+            array, beyond = read(transducer, sensors, t_ns, values, draw)
+        array.setflags(write=False)
+        codes[transducer.sensor], saturated[transducer.sensor] = array, beyond
     return Codes(t_ns, codes, saturated)

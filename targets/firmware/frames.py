@@ -35,7 +35,8 @@ def generate(path: Path = MOTORCYCLE) -> str:
 
     database = cantools.database.load_file(path)
     inputs = [m for m in database.messages if m.senders == ["MDLOG"]]
-    outputs = [m for m in database.messages if m.senders != ["MDLOG"]]
+    # what the bench notes in its recordings is no ECU's business
+    outputs = [m for m in database.messages if m.senders not in (["MDLOG"], ["BENCH"])]
     parts = [_PREAMBLE, _enums(inputs), _read(inputs)]
     for message in outputs:
         parts.append(_writers(message))

@@ -140,16 +140,18 @@ def test_instant_from_the_seed(campaign):
 
 def test_id_follows_content():
     """A trial's id depends on all of it, and on nothing else."""
-    plain = Trial("open", "mixed_5km", 1, "rear_stroke:open@3", 4.0)
+    plain = Trial("open", "mixed_5km", "gsxr1000", "ideal", 1, "rear_stroke:open@3", 4.0)
     others = [
-        Trial("hold", "mixed_5km", 1, "rear_stroke:open@3", 4.0),
-        Trial("open", "training", 1, "rear_stroke:open@3", 4.0),
-        Trial("open", "mixed_5km", 2, "rear_stroke:open@3", 4.0),
-        Trial("open", "mixed_5km", 1, "rear_stroke:open@2", 4.0),
-        Trial("open", "mixed_5km", 1, "rear_stroke:open@3", None),
+        Trial("hold", "mixed_5km", "gsxr1000", "ideal", 1, "rear_stroke:open@3", 4.0),
+        Trial("open", "training", "gsxr1000", "ideal", 1, "rear_stroke:open@3", 4.0),
+        Trial("open", "mixed_5km", "naked700", "ideal", 1, "rear_stroke:open@3", 4.0),
+        Trial("open", "mixed_5km", "gsxr1000", "datasheet", 1, "rear_stroke:open@3", 4.0),
+        Trial("open", "mixed_5km", "gsxr1000", "ideal", 2, "rear_stroke:open@3", 4.0),
+        Trial("open", "mixed_5km", "gsxr1000", "ideal", 1, "rear_stroke:open@2", 4.0),
+        Trial("open", "mixed_5km", "gsxr1000", "ideal", 1, "rear_stroke:open@3", None),
     ]
-    assert plain.id == Trial("open", "mixed_5km", 1, "rear_stroke:open@3", 4.0).id
-    assert len({trial.id for trial in [plain, *others]}) == 6
+    assert plain.id == Trial("open", "mixed_5km", "gsxr1000", "ideal", 1, "rear_stroke:open@3", 4.0).id
+    assert len({trial.id for trial in [plain, *others]}) == 8
 
 
 def test_campaign_is_frozen(campaign):

@@ -80,13 +80,13 @@ def test_warm_up(trials, ecu, monkeypatch):
     ridden = []
     monkeypatch.setattr(runner, "carry_out", lambda trial, build: ridden.append(trial))
     warm_up(trials[1], ecu)
-    assert ridden == [Trial("open", "mixed_5km", 20_001, "", 1.0)]
+    assert ridden == [Trial("open", "mixed_5km", "gsxr1000", "datasheet", 20_001, "", 1.0)]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_refusal_in_a_worker(trials, ecu, workers):
     """What a trial is refused for reaches the caller in the same words from any process."""
-    nowhere = [Trial("open", "nordschleife", seed, "") for seed in (1, 2)]
+    nowhere = [Trial("open", "nordschleife", "gsxr1000", "ideal", seed, "") for seed in (1, 2)]
     with pytest.raises(RouteError, match="unknown route 'nordschleife'"):
         run(nowhere, ecu, workers)
 

@@ -19,7 +19,7 @@ HZ = 22_000_000
 
 def result(condition, outcome, seed=0, td_s=None, reason="", cycles=(5500,), hz=HZ, ridden_s=360.0):
     return Result(
-        Trial(condition, "mixed_5km", seed, "" if condition == FAULT_FREE else "fault"),
+        Trial(condition, "mixed_5km", "gsxr1000", "ideal", seed, "" if condition == FAULT_FREE else "fault"),
         outcome,
         reason,
         None if td_s is None else round(td_s * 1e9),

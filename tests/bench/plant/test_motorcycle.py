@@ -3,9 +3,9 @@ import math
 import pytest
 
 from bench.errors import RouteError
-from bench.plant.motorcycle import DEFAULT, load_motorcycle
+from bench.plant.motorcycle import FOLDER, NAMES, load_motorcycle
 
-TEXT = DEFAULT.read_text(encoding="utf-8")
+TEXT = (FOLDER / "gsxr1000.toml").read_text(encoding="utf-8")
 
 
 def load(tmp_path, text):
@@ -21,7 +21,7 @@ def line(key):
 def test_default_is_a_gsxr1000():
     """The motorcycle that comes with the bench has wheelbase, mass and sensors of the test bed's class."""
     motorcycle = load_motorcycle()
-    assert motorcycle.wheelbase_m == pytest.approx(1.405)
+    assert motorcycle.wheelbase_m == pytest.approx(1.41)
     assert 260 < motorcycle.mass_kg < 300
     assert (motorcycle.fork.sensor_range_mm, motorcycle.shock.sensor_range_mm) == (150.0, 110.0)
 
@@ -65,6 +65,53 @@ def test_refuses_what_is_not_physical(tmp_path, old, new, says):
         load(tmp_path, TEXT.replace(old, new, 1))
     assert "bike.toml: " in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_shipped_motorcycles_load(name):
+    """Every motorcycle that comes with the bench is read by its name, and no two are the same."""
+    others = [load_motorcycle(other) for other in NAMES if other != name]
+    assert load_motorcycle(name) not in others
+
+
+def test_every_number_says_where_it_is_from():
+    """Each number of the shipped motorcycles has a comment beside it or above it in its block."""
+    for name in NAMES:
+        block = ""
+        for row in (FOLDER / f"{name}.toml").read_text(encoding="utf-8").splitlines():
+            if row.startswith("["):
+                block = ""
+            block = row if "#" in row else block
+            assert "=" not in row or block, f"{name}: {row}"
+
+
+def test_based_on_states_only_what_differs(tmp_path):
+    """A motorcycle based on another has its numbers but for the ones it states."""
+    heavy = load(tmp_path, 'based_on = "gsxr1000"\nsprung_kg = 230.0\n[fork]\npreload_n = 50.0\n')
+    base = load_motorcycle()
+    assert heavy == base._replace(sprung_kg=230.0, fork=base.fork._replace(preload_n=50.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('based_on = "bike.toml"', r"bike\.toml: is based on itself"),
+        ('based_on = "none.toml"', r"none\.toml: cannot be read"),
+        ("based_on = 3", "based_on is 3, not a motorcycle"),
+        ('based_on = "vespa"', "unknown motorcycle 'vespa'|vespa: cannot be read"),
+        ('based_on = "gsxr1000"\n[magneto]\nlag_s = 0', r"magneto\.lag_s is 0; it must be above"),
+    ],
+)
+def test_refuses_bad_bases(tmp_path, text, says):
+    """A base that is missing, no name or the file itself is refused in one line."""
+    with pytest.raises(RouteError, match=says):
+        load(tmp_path, text)
+
+
+def test_unknown_name_lists_the_known_ones():
+    """A name that is neither shipped nor a .toml file is refused with the shipped ones."""
+    with pytest.raises(RouteError, match="unknown motorcycle 'vespa'; the known ones are gsxr1000,"):
+        load_motorcycle("vespa")
 
 
 def test_missing_file_is_named(tmp_path):

@@ -3,8 +3,9 @@ import pytest
 
 from bench.errors import RouteError
 from bench.laps import CHANNELS
-from bench.plant.motorcycle import load_motorcycle
-from bench.plant.ride import ride, vary
+from bench.plant.motorcycle import NAMES, load_motorcycle
+from bench.plant.ride import ride
+from bench.plant.road.obstacles import Obstacle
 from bench.plant.route import Route, Stretch, load_route
 
 BIKE = load_motorcycle()
@@ -42,7 +43,7 @@ def test_strokes_stay_in_range_and_off_the_stops(laps):
         fork, rear = lap.channels["fork_stroke_mm"], lap.channels["rear_stroke_mm"]
         assert 0 <= fork.min() < fork.max() <= 150
         assert 0 <= rear.min() < rear.max() <= 110
-        stops = (fork > 105) | (fork < 12) | (rear > 94) | (rear < 11)
+        stops = (fork > 105) | (fork < 12) | (rear > 97) | (rear < 11)
         assert stops.mean() < 0.005
 
 
@@ -55,10 +56,18 @@ def test_rear_stroke_lies_where_the_firmware_expects_it(laps):
         assert rear.std() > 4
 
 
-def test_fork_works_around_the_middle_of_its_travel(laps):
-    """The fork stroke's mean lies between 40 and 60 mm."""
+def test_fork_works_around_a_third_of_its_travel(laps):
+    """The fork stroke's mean lies between 30 and 50 of 131 mm along the leg."""
     for lap in laps:
-        assert 40 < lap.channels["fork_stroke_mm"].mean() < 60
+        assert 30 < lap.channels["fork_stroke_mm"].mean() < 50
+
+
+def test_most_strokes_are_slower_than_400_mm_s(laps):
+    """Figure IV.14: stroke velocities under 400 mm/s are the most frequent, and faster ones do occur."""
+    for lap in laps:
+        for name in ("fork_stroke_mm", "rear_stroke_mm"):
+            slow = np.mean(np.abs(np.gradient(lap.channels[name]) * 1e3) < 400)
+            assert 0.95 < slow < 0.999
 
 
 def test_gyroscope_and_accelerometers_stay_in_range(laps):
@@ -84,12 +93,16 @@ def test_speed_adds_up_to_the_route(laps):
 
 
 def test_accelerations_are_the_strokes_second_derivative(laps):
-    """Over 20 ms, wheel less steering head acceleration integrates to the fork's speed (section IV.2)."""
-    stroke_speed = np.gradient(laps[0].channels["fork_stroke_mm"])  # mm per ms: m/s
-    # 1.093: the fork slides along the steering axis, the accelerometers measure vertically
-    closing = 1.093 * np.cumsum(laps[0].channels["acc_front_ms2"] - laps[0].channels["acc_body_ms2"]) * 0.001
+    """Over 20 ms, wheel less frame acceleration above it integrates to the fork's speed (section IV.2)."""
+    channels = laps[0].channels
+    stroke_speed = np.gradient(channels["fork_stroke_mm"])  # mm per ms: m/s
+    # the steering head is not above the axle: what pitching adds in between
+    ahead = BIKE.to_front_m - BIKE.body_sensor_m
+    frame = channels["acc_body_ms2"] - ahead * np.gradient(np.radians(channels["pitch_rate_dps"]), 0.001)
+    # 1.0946: the fork slides along the steering axis, the accelerometers measure vertically
+    closing = 1.0946 * np.cumsum(channels["acc_front_ms2"] - frame) * 0.001
     change, expected = (speed[20:] - speed[:-20] for speed in (closing, stroke_speed))
-    assert np.std(change - expected) < 0.1 * np.std(expected)
+    assert np.std(change - expected) < 0.06 * np.std(expected)
 
 
 def test_seconds_cut_the_lap(laps):
@@ -112,22 +125,6 @@ def test_training_laps_differ_in_route():
     one, other = (ride(load_route("training"), BIKE, seed, seconds=100) for seed in (1, 2))
     speeds = [lap.channels["speed_kmh"] for lap in (one, other)]
     assert np.abs(speeds[0] - speeds[1]).mean() > 5
-
-
-def test_hidden_load_moves_the_mean_stroke_little():
-    """Three kilograms more on the body lower the rear by 0.5 to 1.5 mm."""
-    flat = Route("flat", (Stretch("smooth", 100, 50),))
-    light, heavy = (
-        ride(flat, vary(BIKE, load, 1.0), 0, seconds=2).channels["rear_stroke_mm"][0] for load in (0, 3)
-    )
-    assert 0.5 < heavy - light < 1.5
-
-
-def test_more_damping_calms_the_fork():
-    """Dampers 30 % stronger lower the spread of the fork's speed."""
-    rough = Route("rough", (Stretch("rough_urban", 300, 50),))
-    soft, hard = (ride(rough, vary(BIKE, 0.0, c), 0).channels["fork_stroke_mm"] for c in (1.0, 1.3))
-    assert np.gradient(hard).std() < 0.95 * np.gradient(soft).std()
 
 
 def features(lap, lags=30):
@@ -161,6 +158,32 @@ def test_refuses_lengths_that_are_none(seconds):
         ride(ROUTE, BIKE, 0, seconds=seconds)
 
 
+def test_every_motorcycle_rides_the_mixed_route():
+    """Each shipped motorcycle rides a lap with its rear stroke mid-range and no two alike."""
+    rides = [ride(ROUTE, load_motorcycle(name), 3, seconds=60) for name in NAMES]
+    for lap in rides:
+        assert 45 < lap.channels["rear_stroke_mm"].mean() < 75
+    assert len({lap.digest() for lap in rides}) == len(NAMES)
+
+
+def test_bends_turn_the_gyroscope_and_press_the_motorcycle_down():
+    """In bends the frame pitches nose up about its own axis, and both strokes are deeper."""
+    straight, bends = (
+        ride(Route("r", (Stretch(surface="smooth", length_m=2000, speed_kmh=72, lean_deg=lean),)), BIKE, 0)
+        for lean in (0.0, 25.0)
+    )
+    assert bends.channels["pitch_rate_dps"].mean() < straight.channels["pitch_rate_dps"].mean() - 1
+    for name in ("fork_stroke_mm", "rear_stroke_mm"):
+        assert bends.channels[name].mean() > straight.channels[name].mean() + 1
+
+
+def test_a_speed_beyond_the_tyres_rating_is_refused():
+    """A route faster than the tyre's speed symbol is refused with the speed, the tyre and its rating."""
+    slow = BIKE._replace(rear_tyre=BIKE.rear_tyre._replace(fastest_kmh=60.0))
+    with pytest.raises(RouteError, match=r"km/h is beyond the tyre model: rear_tyre.fastest_kmh is 60"):
+        ride(ROUTE, slow, 0)
+
+
 def test_refuses_a_route_of_many_hours():
     """A route of more than two hours is refused before memory is."""
     endless = Route("endless", (Stretch("urban", 100_000, 10),))
@@ -176,6 +199,7 @@ def test_refuses_negative_seeds():
 
 def test_a_road_that_breaks_the_motorcycle_is_refused():
     """Where a stroke would leave its sensor's range the ride is refused with channel, value and time."""
-    wall = Route("wall", (Stretch("urban", 100, 120, bumps=1, bump_height_m=0.15, bump_length_m=0.4),))
+    bump = Obstacle("bump", first_m=15.0, height_m=0.15, length_m=0.4)
+    wall = Route("wall", (Stretch(surface="urban", length_m=100, speed_kmh=120, obstacles=(bump,)),))
     with pytest.raises(RouteError, match=r"wall: (fork|rear)_stroke_mm is .* s, outside 0-1\d0 mm"):
         ride(wall, BIKE, 0)

@@ -14,7 +14,7 @@ from targets.firmware.frames import HEADER, generate
 from tests.conftest import wavy_lap
 
 CODEC = Codec()
-OUTPUTS = [message for message in CODEC.messages() if "MDLOG" not in message.senders]
+OUTPUTS = [message for message in CODEC.messages() if not {"MDLOG", "BENCH"} & {*message.senders}]
 
 SETTERS = [
     (message.name, signal.name, signal.scale != 1)
