@@ -62,7 +62,7 @@ def test_folder_without_laps(refused, tmp_path):
     (tmp_path / "laps").mkdir()
     (tmp_path / "laps" / "notes.txt").write_text("none yet")
     line = refused("train", "narx", "--laps", tmp_path / "laps", "--out", tmp_path / "model.json")
-    assert "no lap in it (.csv, .parquet)" in line
+    assert "no lap in it (.csv, .parquet, " in line
 
 
 @pytest.mark.parametrize("option", ["--out", "--json"])

@@ -15,6 +15,7 @@ import pytest
 from bench.faults.spec import parse_fault
 from bench.laps.files import write_lap
 from bench.run import run_lap
+from bench.sensors.datasheets import load_sensors
 from targets.calibration import dumps
 from targets.ecus import ROLES, build
 from tests.conftest import wavy_lap
@@ -96,7 +97,8 @@ def ridden(tmp_path_factory, calibration):
     virtual = {}
     for role in ROLES:
         ecu = build(role, calibration=folder / "model.json").power_on()
-        done = run_lap(lap, ecu, map(parse_fault, FAULTS[role]))
+        instruments = load_sensors("datasheet")
+        done = run_lap(lap, ecu, map(parse_fault, FAULTS[role]), sensors=instruments)
         virtual[role] = [d.frame.data.hex().upper() for d in done.ride.frames if d.frame.id == STATUS[role]]
     command = [*words, sys.executable, str(HERE / "live_pair.py"), str(folder), *(["own"] if words else [])]
     environment = {**os.environ, "WITH_VCAN_MEM": "1G"}

@@ -127,7 +127,8 @@ def test_seven_channels_come_back(bench, calibration, tmp_path, suffix):
     write_lap(lap, tmp_path / "lap.parquet")
     (tmp_path / "model.json").write_text(dumps(calibration))
     out = tmp_path / f"out{suffix}"
-    bench("run", tmp_path / "lap.parquet", "--model", tmp_path / "model.json", "--record", out)
+    model = tmp_path / "model.json"
+    bench("run", tmp_path / "lap.parquet", "--sensors", "ideal", "--model", model, "--record", out)
     values = decoded(out)
     for channel in CHANNELS:
         close(lap, channel, values[channel])
