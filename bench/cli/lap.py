@@ -1,34 +1,50 @@
-"""`bench lap`: generate, convert and show test laps.
+"""`bench lap`: generate, convert, show and compare test laps.
 
-Belongs here: options, progress and tables. Heavy imports are made in the commands: start-up is budgeted.
+Belongs here: the two commands that write laps; those that look at laps have files of their own. Heavy imports
+are made in the commands: start-up is budgeted.
 """
 
 from __future__ import annotations
 
 import sys
+from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bench.cli import lap_compare, lap_show
+from bench.cli.options import Map, Repair, open_lap
+from bench.cli.stop import stoppable
 from bench.errors import LapError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from collections.abc import Callable, Iterator
+
+    from bench.plant.motorcycle import Motorcycle
+    from bench.plant.route import Route
 
 app = typer.Typer(
     help="Test laps: simulate, convert, look at.", no_args_is_help=True, pretty_exceptions_enable=False
 )
 
 
+def shipped(kind: str) -> str:
+    """The names of the routes or motorcycles that come with the bench, without importing what reads them."""
+    folder = Path(__file__).parents[1] / "plant" / kind
+    return ", ".join(sorted(path.stem for path in folder.glob("*.toml")))
+
+
 @app.command()
 def generate(
     out: Annotated[Path, typer.Argument(help="Lap file (.parquet or .csv); with --count a folder.")],
     route: Annotated[
-        str, typer.Option(help="mixed_5km, training, or a route's .toml file.", show_default=True)
+        str, typer.Option(metavar="NAME|FILE", help=f"{shipped('routes')}, or a .toml file.")
     ] = "mixed_5km",
-    motorcycle: Annotated[Path | None, typer.Option(help="A motorcycle's .toml file.")] = None,
+    motorcycle: Annotated[
+        str, typer.Option(metavar="NAME|FILE", help=f"{shipped('motorcycles')}, or a .toml file.")
+    ] = "gsxr1000",
     seed: Annotated[int, typer.Option(help="Road, rider and load are drawn from it.")] = 0,
     seconds: Annotated[
         float | None, typer.Option(help="Length of the lap; the whole route if left out.")
@@ -37,16 +53,23 @@ def generate(
     suffix: Annotated[
         str | None, typer.Option("--format", help="parquet or csv, with --count; parquet if left out.")
     ] = None,
+    workers: Annotated[int, typer.Option(help="Processes; the laps are the same for any number.")] = 1,
 ) -> None:
-    """Ride simulated laps on a GSX-R1000 and write all seven channels at 1 kHz."""
-    from bench.laps.files import check_writable, format_of, write_lap
-    from bench.plant.motorcycle import DEFAULT, load_motorcycle
-    from bench.plant.route import checked_seed, load_route
+    """Ride simulated laps on a motorcycle and write all seven channels at 1 kHz.
 
-    if count is not None and count < 1:
-        raise LapError(f"--count is {count}; it must be at least 1")
+    Ctrl-C ends it after the laps that are being ridden; every file there is is a whole lap.
+    """
+    from bench.laps.files import check_writable, format_of
+    from bench.plant.motorcycle import load_motorcycle
+    from bench.plant.ride import ride
+    from bench.plant.route import checked_seed, load_route
+    from bench.pool import results
+
+    for name, value in (("--count", count), ("--workers", workers)):
+        if value is not None and value < 1:
+            raise LapError(f"{name} is {value}; it must be at least 1")
     checked_seed(seed)
-    chosen, machine = load_route(route), load_motorcycle(motorcycle or DEFAULT)
+    chosen, machine = load_route(route), load_motorcycle(motorcycle)
     if count is None and suffix is not None:
         raise LapError(f"--format {suffix} goes with --count; a single lap's suffix says its format")
     files = {seed: out}
@@ -56,76 +79,52 @@ def generate(
         format_of(files[seed])
         _make_folder(out)
     check_writable(files[seed])
+    if min(workers, len(files)) > 1:
+        ride(chosen, machine, seed, 0.01)  # compiles: forked workers have it, others find it on disk
+    jobs, ride_one = list(files.items()), partial(_ride, chosen, machine, seconds)
+    with stoppable(), _progress(len(jobs)) as tell:
+        try:
+            with closing(results(ride_one, jobs, workers)) as ridden:
+                for line in ridden:
+                    typer.echo(line)
+                    tell()
+        except KeyboardInterrupt:
+            typer.echo("bench: lap: stopped; what is written is whole", err=True)
+            raise typer.Exit(130) from None
 
-    from rich.console import Console
-    from rich.progress import Progress
 
+def _ride(route: Route, motorcycle: Motorcycle, seconds: float | None, job: tuple[int, Path]) -> str:
+    """Ride and write one lap, and return the line about it."""
+    from bench.laps.files import write_lap
     from bench.plant.ride import ride
 
-    screen = Console(stderr=True)
-    # A bar in a log file would be noise; lines sent to a file must not be caught by the bar.
-    with Progress(
-        console=screen, transient=True, disable=not screen.is_terminal, redirect_stdout=sys.stdout.isatty()
-    ) as bar:
-        for k, path in bar.track(files.items(), description="riding"):
-            lap = ride(chosen, machine, k, seconds)
-            write_lap(lap, path)
-            typer.echo(f"{path}: {lap.duration_ns / 1e9:.1f} s, {len(lap.channels)} channels, seed {k}")
+    seed, path = job
+    lap = ride(route, motorcycle, seed, seconds)
+    write_lap(lap, path)
+    return f"{path}: {lap.duration_ns / 1e9:.1f} s, {len(lap.channels)} channels, seed {seed}"
 
 
-@app.command()
-def convert(
-    source: Annotated[Path, typer.Argument(metavar="IN", help="Lap file to read.")],
-    out: Annotated[
-        Path, typer.Argument(metavar="OUT", help="Lap file to write; its suffix says the format.")
-    ],
-) -> None:
-    """Write a lap in another format."""
-    from bench.laps.files import check_writable, read_lap, write_lap
-
-    check_writable(out)
-    write_lap(read_lap(source), out)
-
-
-@app.command()
-def show(lap: Annotated[Path, typer.Argument(help="Lap file.")]) -> None:
-    """Print what a lap holds: duration, rate, largest gap, and per channel its statistics and its course."""
-    import numpy as np
+@contextmanager
+def _progress(laps: int) -> Iterator[Callable[[], None]]:
+    """A bar with the time left, nothing where no one looks; yields what to call after each lap."""
     from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from bench.laps.files import read_lap
-
-    ride = read_lap(lap)
-    steps_ns = np.diff(ride.t_ns)
-    widest = int(np.argmax(steps_ns))
-    table = Table(
-        title=f"{escape(ride.source)}: {ride.duration_ns / 1e9:g} s, {len(ride.t_ns)} samples, "
-        f"{1e9 / float(np.median(steps_ns)):g} Hz, largest gap {steps_ns[widest] / 1e6:g} ms "
-        f"at {ride.t_ns[widest] / 1e9:g} s",
-        title_justify="left",
-        box=None,
-        padding=(0, 1),
-    )
-    table.add_column("channel", no_wrap=True)
-    for name in ("min", "mean", "max", "rms"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("peaks", no_wrap=True)
-    for name, values in ride.channels.items():
-        numbers = (values.min(), values.mean(), values.max(), np.sqrt(np.mean(values * values)))
-        table.add_row(name, *(f"{number:.2f}" for number in numbers), sparkline(values))
-    Console().print(table)
-
-
-def sparkline(values: NDArray[np.float64], width: int = 24) -> str:
-    """One line of blocks: the peaks of `width` equal parts, from the lowest peak to the highest."""
-    import numpy as np
-
-    peaks = np.array([part.max() for part in np.array_split(values, min(width, len(values)))])
-    low, high = peaks.min(), peaks.max()
-    heights = np.zeros(len(peaks)) if high == low else (peaks - low) / (high - low)
-    return "".join("▁▂▃▄▅▆▇█"[min(7, int(8 * height))] for height in heights)
+    columns = (TextColumn("riding laps"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    screen = Console(stderr=True)
+    # Drawn when a lap is done, not by a thread of its own: none may be running when the workers are forked.
+    # Lines sent to a file must not be caught by the bar.
+    with Progress(
+        *columns,
+        console=screen,
+        transient=True,
+        auto_refresh=False,
+        disable=not screen.is_terminal,
+        redirect_stdout=sys.stdout.isatty(),
+    ) as bar:
+        task = bar.add_task("", total=laps)
+        bar.refresh()
+        yield lambda: bar.update(task, advance=1, refresh=True)
 
 
 def _make_folder(path: Path) -> None:
@@ -135,3 +134,23 @@ def _make_folder(path: Path) -> None:
         raise LapError(f"{path}: is a file; with --count it must be a folder") from None
     except OSError as error:
         raise LapError(f"{path}: cannot be made: {error.strerror}") from None
+
+
+@app.command()
+def convert(
+    source: Annotated[Path, typer.Argument(metavar="IN", help="Lap file to read.")],
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT", help="Lap file to write; its suffix says the format.")
+    ],
+    map_file: Map = None,
+    repair: Repair = False,
+) -> None:
+    """Write a lap in another format."""
+    from bench.laps.files import check_writable, write_lap
+
+    check_writable(out)
+    write_lap(open_lap(source, map_file, repair), out)
+
+
+app.command()(lap_show.show)
+app.command()(lap_compare.compare)

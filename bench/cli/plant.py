@@ -194,7 +194,7 @@ def _delays(screen: Console, laps: dict[str, Lap], machines: dict[str, Motorcycl
     from bench.laps.describe import delay
 
     table = _table(
-        "The rear follows the front: delay between the strokes' speeds times speed, in windows of 10 s",
+        "The rear follows the front: delay between the strokes' speeds times speed, in windows of 5 s",
         "motorcycle", "median ms", "m", "wheelbase m", "windows",
     )  # fmt: skip
     for name, lap in laps.items():

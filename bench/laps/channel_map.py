@@ -14,6 +14,8 @@
     offset = 0.0
     bus = 1                      # CAN logs of several buses: the one meant; left out: any
 
+    [sst]                        # .sst: the sensors' geometry, see bench.laps.sufni
+
 Belongs here: the map and the units it knows. Never: a file format.
 """
 
@@ -87,20 +89,21 @@ class Row:
 
 @dataclass(frozen=True)
 class ChannelMap:
-    """A checked map; `rows` by channel name."""
+    """A checked map; `rows` by channel name. `sst`: a table as it stands, checked by the format's reader."""
 
     where: str
     rows: Mapping[str, Row]
     dbc: Path | None = None
     rate_hz: float | None = None
     time: Row | None = None
+    sst: Mapping[str, Any] | None = None
 
 
 def load_map(path: Path) -> ChannelMap:
     """Read and check a map. Raises LapError naming the file, the key and the value at fault."""
     path = Path(path)
     table = read_table(path, LapError)
-    _only(table, ("dbc", "rate_hz", "time", "channels"), str(path))
+    _only(table, ("dbc", "rate_hz", "time", "channels", "sst"), str(path))
     rate_hz = table.get("rate_hz")
     if rate_hz is not None:
         rate_hz = _number(rate_hz, f"{path}: rate_hz")
@@ -110,6 +113,9 @@ def load_map(path: Path) -> ChannelMap:
     if dbc is not None and not isinstance(dbc, str):
         raise LapError(f"{path}: dbc is {dbc!r}, not a file's name")
     time = _row(table["time"], "t_s", f"{path}: [time]") if "time" in table else None
+    sst = table.get("sst")
+    if sst is not None and not isinstance(sst, dict):
+        raise LapError(f"{path}: sst is {sst!r}, not a table")
     channels = table.get("channels", {})
     if not isinstance(channels, dict) or not channels:
         raise LapError(f"{path}: no [channels.NAME]; the known ones are {', '.join(CHANNELS)}")
@@ -117,7 +123,7 @@ def load_map(path: Path) -> ChannelMap:
         if name not in CHANNELS:
             raise LapError(f"{path}: unknown channel {name}; the known ones are {', '.join(CHANNELS)}")
     rows = {name: _row(row, name, f"{path}: channels.{name}") for name, row in channels.items()}
-    return ChannelMap(str(path), rows, None if dbc is None else path.parent / dbc, rate_hz, time)
+    return ChannelMap(str(path), rows, None if dbc is None else path.parent / dbc, rate_hz, time, sst)
 
 
 def _row(table: Any, channel: str, where: str) -> Row:
