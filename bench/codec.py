@@ -6,7 +6,6 @@ carry, so that packing never overflows; firmware that packs the same layout must
 Never: which message is sent when, what a signal means.
 """
 
-import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bench.errors import BusError
+from bench.quiet import quiet
 from dbc import MOTORCYCLE
 
 _MAX_BITS = 52
@@ -225,13 +225,13 @@ def _parse(text: str, path: str) -> tuple[dict[str, Message], dict[str, str]]:
     """The messages of a DBC text, and those that cannot be handled with the reason why."""
     import cantools
 
-    # what it warns of is refused below, by name
-    logging.getLogger("cantools").setLevel(logging.ERROR)
     try:
-        database = cantools.database.load_string(text, database_format="dbc", strict=False)
+        with quiet("cantools"):  # what it warns of is refused below, by name
+            database = cantools.database.load_string(text, database_format="dbc", strict=False)
     except (cantools.database.Error, ValueError) as error:
         raise BusError(f"{path}: not a DBC file: {' '.join(str(error).split())}") from None
-    messages, refused = {}, {}
+    messages: dict[str, Message] = {}
+    refused: dict[str, str] = {}
     bearers: dict[tuple[int, bool], list[str]] = {}
     for message in database.messages:
         bearers.setdefault((message.frame_id, message.is_extended_frame), []).append(message.name)

@@ -1,5 +1,6 @@
 """Laps as CSV: one header line, commas, points, UTF-8.
 
+The suffix is also that of a CAN log of python-can's, known by its header and read by `bench.laps.can_csv`.
 Pyarrow parses; where it refuses, the file is read again line by line to say which line and value it was.
 """
 
@@ -13,6 +14,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from bench.errors import LapError
+from bench.laps import can_csv
 from bench.laps.channel_map import ChannelMap
 from bench.laps.columns import columns_from_lap, recording_of, wanted
 from bench.laps.lap import Lap
@@ -20,8 +22,10 @@ from bench.laps.recording import Recording
 
 
 def read(path: Path, channel_map: ChannelMap | None = None) -> Recording:
-    """Read a table; strict: every row has every column, every cell that is used is a finite number."""
+    """Read a table, or a CAN log; strict: every row has every column, each cell used is a finite number."""
     names = _header(path)
+    if tuple(names) == can_csv.HEADER:
+        return can_csv.read(path, channel_map)
     rows = wanted(names, channel_map, str(path))
     try:
         table = pa.csv.read_csv(

@@ -18,6 +18,16 @@ from bench.laps.timebase import lap_of
 FORMATS = {
     ".csv": "bench.laps.csv",
     ".parquet": "bench.laps.parquet",
+    ".mf4": "bench.laps.mf4",
+    ".log": "bench.laps.candump",
+    ".asc": "bench.laps.asc",
+    ".blf": "bench.laps.blf",
+    ".trc": "bench.laps.trc",
+    ".db": "bench.laps.can_db",
+    ".gz": "bench.laps.gz",
+    ".tlog": "bench.laps.tlog",
+    ".bin": "bench.laps.dataflash",
+    ".sst": "bench.laps.sufni",
 }
 """File suffix -> the module that knows the format."""
 

@@ -2,6 +2,8 @@
 
 import os
 import stat
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +13,24 @@ from hypothesis.extra.numpy import arrays
 
 from bench.errors import LapError
 from bench.laps import CHANNELS, Lap, read_lap, write_lap
-from bench.laps.files import FORMATS, check_writable
+from bench.laps.files import FORMATS, check_writable, format_of
 
+MDF = pytest.mark.skipif(find_spec("asammdf") is None, reason="asammdf is not installed")
 SUFFIXES = sorted(FORMATS)
-every_format = pytest.mark.parametrize("suffix", SUFFIXES)
+WRITTEN = [suffix for suffix in SUFFIXES if hasattr(format_of(Path(f"lap{suffix}")), "write")]
+EXACT = [".csv", ".mf4", ".parquet"]
+"""Formats that bring back the lap itself, not what a logger with its sensors would have made of it."""
+
+
+def each(suffixes):
+    return pytest.mark.parametrize(
+        "suffix", [pytest.param(suffix, marks=[MDF] * (suffix == ".mf4")) for suffix in suffixes]
+    )
+
+
+every_format = each(SUFFIXES)
+every_written_format = each(WRITTEN)
+every_exact_format = each(EXACT)
 
 
 def a_lap(samples=50):
@@ -25,7 +41,7 @@ def a_lap(samples=50):
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
 
-@every_format
+@every_exact_format
 @given(
     steps=st.lists(st.integers(1, 10**12), min_size=2, max_size=20),
     data=st.data(),
@@ -41,7 +57,7 @@ def test_round_trip_is_exact(tmp_path_factory, suffix, steps, data, names):
     assert read_lap(path).digest() == lap.digest()
 
 
-@every_format
+@every_exact_format
 def test_one_millisecond_is_a_million_nanoseconds(tmp_path, suffix):
     """The time base read at 1 kHz is exactly 1,000,000 ns apart over a whole lap."""
     lap = a_lap(400_000)
@@ -49,14 +65,14 @@ def test_one_millisecond_is_a_million_nanoseconds(tmp_path, suffix):
     assert set(np.diff(read_lap(tmp_path / f"lap{suffix}").t_ns)) == {1_000_000}
 
 
-@every_format
+@every_written_format
 def test_source_is_the_file_name(tmp_path, suffix):
     """A lap read from a file bears the file's name as its source."""
     write_lap(a_lap(), tmp_path / f"monday{suffix}")
     assert read_lap(tmp_path / f"monday{suffix}").source == f"monday{suffix}"
 
 
-@every_format
+@every_exact_format
 def test_suffix_case_does_not_matter(tmp_path, suffix):
     """A suffix in capitals is the same format."""
     path = tmp_path / f"LAP{suffix.upper()}"
@@ -64,7 +80,7 @@ def test_suffix_case_does_not_matter(tmp_path, suffix):
     assert read_lap(path) == a_lap()
 
 
-@every_format
+@every_written_format
 def test_same_lap_gives_the_same_bytes(tmp_path, suffix):
     """Writing a lap twice gives two identical files."""
     for name in "ab":
@@ -81,13 +97,28 @@ def test_missing_file(tmp_path, suffix):
 
 @every_format
 def test_folder(tmp_path, suffix):
-    """A folder is refused, for reading and for writing."""
+    """A folder is refused for reading."""
     path = tmp_path / f"lap{suffix}"
     path.mkdir()
     with pytest.raises(LapError, match="is a folder"):
         read_lap(path)
+
+
+@every_written_format
+def test_folder_in_the_way(tmp_path, suffix):
+    """A folder is refused for writing."""
+    path = tmp_path / f"lap{suffix}"
+    path.mkdir()
     with pytest.raises(LapError, match="is a folder"):
         write_lap(a_lap(), path)
+
+
+@each(sorted(set(SUFFIXES) - set(WRITTEN)))
+def test_formats_that_are_only_read(tmp_path, suffix):
+    """A format without a writer is refused for writing, and nothing is written."""
+    with pytest.raises(LapError, match=rf"laps cannot be written as \{suffix}"):
+        write_lap(a_lap(), tmp_path / f"lap{suffix}")
+    assert list(tmp_path.iterdir()) == []
 
 
 @every_format
@@ -122,14 +153,14 @@ def test_unknown_suffix_names_the_known_ones(tmp_path):
     assert not (tmp_path / "new.txt").exists()
 
 
-@every_format
+@every_written_format
 def test_missing_folder_is_refused_before_anything_is_written(tmp_path, suffix):
     """Writing into a folder that does not exist names that folder."""
     with pytest.raises(LapError, match=r"no folder .*nowhere"):
         check_writable(tmp_path / "nowhere" / f"lap{suffix}")
 
 
-@every_format
+@every_written_format
 @pytest.mark.parametrize("interruption", [KeyboardInterrupt, OSError(28, "No space left on device")])
 def test_interrupted_writing_leaves_nothing(tmp_path, monkeypatch, suffix, interruption):
     """When writing is cut short the old file is untouched and no other file is left."""
@@ -147,7 +178,7 @@ def test_interrupted_writing_leaves_nothing(tmp_path, monkeypatch, suffix, inter
     assert list(tmp_path.iterdir()) == [path]
 
 
-@every_format
+@every_written_format
 def test_a_reader_keeps_the_old_lap(tmp_path, suffix):
     """Who has the old file open reads it to its end: the new lap takes its place, not its bytes."""
     path = tmp_path / f"lap{suffix}"
@@ -158,7 +189,7 @@ def test_a_reader_keeps_the_old_lap(tmp_path, suffix):
         assert reader.read() == old
 
 
-@every_format
+@every_written_format
 def test_full_disk_names_the_file_and_the_reason(tmp_path, monkeypatch, suffix):
     """An error of the file system becomes one LapError with the file and the system's words."""
     path = tmp_path / f"lap{suffix}"
@@ -171,7 +202,7 @@ def test_full_disk_names_the_file_and_the_reason(tmp_path, monkeypatch, suffix):
         write_lap(a_lap(), path)
 
 
-@every_format
+@every_written_format
 def test_written_file_has_ordinary_permissions(tmp_path, suffix):
     """A lap file is as readable to others as any new file."""
     write_lap(a_lap(), tmp_path / f"lap{suffix}")
@@ -180,7 +211,7 @@ def test_written_file_has_ordinary_permissions(tmp_path, suffix):
     assert len(modes) == 1
 
 
-@every_format
+@every_exact_format
 def test_time_beyond_float_seconds_is_refused(tmp_path, suffix):
     """A time base that seconds in float64 cannot carry to the nanosecond is refused, not rounded."""
     lap = Lap(np.array([0, 10**18 + 1]), {"speed_kmh": np.zeros(2)})
