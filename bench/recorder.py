@@ -29,7 +29,7 @@ LOGGER = "MDLOG"
 """The node that records: its own frames are marked as sent, all others as received."""
 
 NOTES = "BENCH"
-"""Who sends what only recordings hold: its frames go to a channel of their own, for they never were on the bus."""
+"""Who sends what only recordings hold: its frames have a channel of their own, they never were on the bus."""
 
 CHANNELS = {"bus": "vcan0", "notes": "bench1"}
 """The channels' names in candump logs; channels 1 and 2 in the other formats."""

@@ -1,6 +1,6 @@
 """Laps as CSV: one header line, commas, points, UTF-8.
 
-The suffix is also that of a CAN log of python-can's, known by its header and read by `bench.laps.can_csv`.
+The suffix is also that of a CAN log of python-can's, known by its header and read by `bench.laps.can.table`.
 Pyarrow parses; where it refuses, the file is read again line by line to say which line and value it was.
 """
 
@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from bench.errors import LapError
-from bench.laps import can_csv
+from bench.laps.can import table as can_csv
 from bench.laps.channel_map import ChannelMap
 from bench.laps.columns import columns_from_lap, recording_of, wanted
 from bench.laps.lap import Lap

@@ -18,15 +18,15 @@ from bench.laps.timebase import lap_of
 FORMATS = {
     ".csv": "bench.laps.csv",
     ".parquet": "bench.laps.parquet",
-    ".mf4": "bench.laps.mf4",
-    ".log": "bench.laps.candump",
-    ".asc": "bench.laps.asc",
-    ".blf": "bench.laps.blf",
-    ".trc": "bench.laps.trc",
-    ".db": "bench.laps.can_db",
+    ".mf4": "bench.laps.mdf.mf4",
+    ".log": "bench.laps.can.candump",
+    ".asc": "bench.laps.can.asc",
+    ".blf": "bench.laps.can.blf",
+    ".trc": "bench.laps.can.trc",
+    ".db": "bench.laps.can.db",
     ".gz": "bench.laps.gz",
-    ".tlog": "bench.laps.tlog",
-    ".bin": "bench.laps.dataflash",
+    ".tlog": "bench.laps.mavlink.tlog",
+    ".bin": "bench.laps.mavlink.dataflash",
     ".sst": "bench.laps.sufni",
 }
 """File suffix -> the module that knows the format."""

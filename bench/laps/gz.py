@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from bench.errors import BenchError, LapError
+from bench.laps.can.frames import MOST_BYTES
 from bench.laps.channel_map import ChannelMap
-from bench.laps.frames import MOST_BYTES
 from bench.laps.recording import Recording
 
 PIECE = 1 << 20

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from bench.errors import LapError
 from bench.laps.channel_map import ChannelMap
-from bench.laps.messages import content
+from bench.laps.mavlink.messages import content
 from bench.laps.recording import Recording, Track
 
 MAPS = Path(__file__).with_name("maps")

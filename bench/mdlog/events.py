@@ -17,8 +17,8 @@ MESSAGE = "FAULT_EVENT"
 def events(insertions: Sequence[Insertion], codec: Codec) -> list[Row]:
     """A row where each fault begins to act and one where it ends, in the order of time.
 
-    A fault begins at the first sample it may change (its command), whether or not it changes that one, and one
-    that lasts to the end of the lap has no end. Raises BusError for a kind or sensor the DBC has no number for.
+    A fault begins at the first sample it may change (its command), whether or not it changes that one; one
+    that lasts to the end of the lap has no end. Raises BusError for what the DBC has no number for.
     """
     message = codec.message(MESSAGE)
     rows = []
@@ -36,7 +36,7 @@ def events(insertions: Sequence[Insertion], codec: Codec) -> list[Row]:
 
 
 def noted(rows: Iterable[Row], insertions: Sequence[Insertion], codec: Codec) -> list[Row]:
-    """`rows` of the bus, ordered in time, with the faults' events among them; at one instant the event first."""
+    """`rows` of the bus, ordered in time, with the faults' events before the frames of their instant."""
     return sorted([*events(insertions, codec), *rows], key=lambda row: row[0])
 
 

@@ -1,6 +1,6 @@
 """What simulated laps cost: CPU seconds, memory, and how both grow with their number.
 
-    python -m tests.benchmarks.laps [COUNT...]
+python -m tests.benchmarks.laps [COUNT...]
 """
 
 import resource
@@ -34,7 +34,7 @@ def _one(count: int) -> None:
         spent = time.process_time() - began
     peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(
-        f"{count:5d} laps of {simulated / count:4.0f} s: {in_ride / simulated * 300:6.3f} s of CPU per 300 s, "
+        f"{count:5d} laps of {simulated / count:4.0f} s: {in_ride / simulated * 300:6.3f} s CPU per 300 s, "
         f"{spent / simulated * 300:6.3f} s with writing, {spent:7.2f} s in all, peak {peak_mib:5.0f} MiB, "
         f"{bytes_written / count / 2**20:5.1f} MiB a lap on disk"
     )

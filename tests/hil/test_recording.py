@@ -1,14 +1,16 @@
 """A recorded run, read by others' means: python-can reads the log, cantools decodes it, out comes the lap."""
 
-import struct
+from pathlib import Path
 
 import can
 import cantools
 import numpy as np
 import pytest
 
+import bench.laps
 from bench.codec import Codec
-from bench.laps.files import write_lap
+from bench.laps.channel_map import load_map
+from bench.laps.files import read_lap, write_lap
 from bench.laps.lap import CHANNELS, Lap
 from bench.mdlog.logger import NODE, schedule
 from bench.recorder import record
@@ -20,6 +22,7 @@ from targets.calibration import dumps
 from tests.conftest import SHARED, wavy_lap
 
 SST = SHARED / "data" / "sufni-mtb-sst" / "00647.SST"
+GEOMETRY = Path(bench.laps.__file__).parent / "maps" / "clash2022.toml"
 DATABASE = cantools.database.load_file(MOTORCYCLE)
 
 
@@ -76,26 +79,12 @@ class Patient(Watch):
 
 @pytest.fixture(scope="module")
 def mountain_bike():
-    """The recording's strokes as a lap at 1 kHz, in mm, within the sensors' spans.
-
-    SST 3: 16 bytes of head (3s, version, u16 rate, u16, i64 time), then u16 fork and u16 shock, counts of an
-    AS5600 with 4096 a turn, on arms whose triangles notes.txt and the two JSON files beside it describe.
-    """
+    """The recording's strokes as a lap at 1 kHz, in mm, within the sensors' spans."""
     if not SST.exists():
         pytest.skip(f"no recording {SST.name}: it is not part of the repository")
-    content = SST.read_bytes()
-    magic, version, rate, _, _ = struct.unpack_from("<3sBHHq", content)
-    assert (magic, version, rate) == (b"SST", 3, 1000)
-    counts = np.frombuffer(content, "<u2", offset=16).reshape(-1, 2)
-    fork, shock = (2 * np.pi / 4096 * column for column in counts.T.astype(float))
-    fork = np.where(counts[:, 0] > 1024, 0.0, fork)
-    arm, longest = 134.9375, 234.15625
-    fork_mm = longest - 2 * arm * np.cos(fork + np.arccos(longest / 2 / arm))
-    near, far, longest = 98.9, 202.8, 230.0
-    start = np.arccos((near**2 + far**2 - longest**2) / (2 * near * far))
-    shock_mm = longest - np.sqrt(near**2 + far**2 - 2 * near * far * np.cos(start - shock))
-    channels = {"fork_stroke_mm": np.clip(fork_mm, 0, 150), "rear_stroke_mm": np.clip(shock_mm, 0, 110)}
-    return Lap(np.arange(len(counts)) * 1_000_000, channels, SST.name)
+    lap = read_lap(SST, load_map(GEOMETRY))
+    spans = {"fork_stroke_mm": 150.0, "rear_stroke_mm": 110.0}
+    return Lap(lap.t_ns, {name: np.clip(lap.channels[name], 0, top) for name, top in spans.items()}, SST.name)
 
 
 def test_recorded_ride_comes_back(mountain_bike, tmp_path):

@@ -44,6 +44,9 @@ class Stretch:
 
 _LIMITS = {
     "length_m": (1.0, 100_000.0),
-    "speed_kmh": (10.0, 300.0),  # the wheel encoder's full scale; what a tyre bears is the motorcycle's business
+    "speed_kmh": (
+        10.0,
+        300.0,
+    ),  # the wheel encoder's full scale; tyres may bear less
     "lean_deg": (0.0, 40.0),
 }

@@ -7,7 +7,7 @@ import pytest
 from bench.errors import LapError
 from bench.laps import gz
 from bench.laps.files import read_lap, write_lap
-from tests.bench.laps.logs import FRAMES, strokes, write
+from tests.bench.laps.can.logs import FRAMES, strokes, write
 from tests.conftest import wavy_lap
 
 

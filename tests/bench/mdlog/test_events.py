@@ -25,7 +25,7 @@ def ridden(*specs, seconds=0.5):
 
 
 def test_a_fault_that_ends_has_two_events():
-    """A fault of 0.1 s is noted where it begins and where it ends, with its sensor, its kind and its number."""
+    """A fault of 0.1 s is noted where it begins and where it ends, with sensor, kind and number."""
     _, insertions = ridden("fork_stroke:short@0.05", "rear_stroke:hold@0.2+0.1")
     rows = events(insertions, CODEC)
     assert [t_ns for t_ns, _, _ in rows] == [50_000_000, 200_000_000, 300_000_000]

@@ -19,7 +19,7 @@ FIDELITY: stamps have the radio link's delay and jitter in them, and no checksum
 Without a map a lap is read from messages DEBUG_FLOAT_ARRAY named `strokes`, as `write` makes them: data[k] is
 channel k of CHANNELS in its own unit, NaN throughout where the lap lacks it.
 
-Belongs here: messages, clocks, channels. Never: a packet's framing, which is `bench.laps.mavlink`'s.
+Belongs here: messages, clocks, channels. Never: a packet's framing, which is `bench.laps.mavlink.framing`'s.
 """
 
 import re
@@ -33,8 +33,18 @@ from numpy.typing import NDArray
 from bench.errors import LapError
 from bench.laps.channel_map import ChannelMap, Row
 from bench.laps.lap import Lap
-from bench.laps.mavlink import dialect, find, layout, pack, unpack
-from bench.laps.messages import Signal, address, between, content, element, listed, one, recording, whole_us
+from bench.laps.mavlink.framing import dialect, find, layout, pack, unpack
+from bench.laps.mavlink.messages import (
+    Signal,
+    address,
+    between,
+    content,
+    element,
+    listed,
+    one,
+    recording,
+    whole_us,
+)
 from bench.laps.recording import Recording
 from dbc import CHANNELS
 

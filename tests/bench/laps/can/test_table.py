@@ -4,7 +4,7 @@ import pytest
 
 from bench.errors import LapError
 from bench.laps.files import format_of, read_lap
-from tests.bench.laps.logs import FRAMES, strokes, write
+from tests.bench.laps.can.logs import FRAMES, strokes, write
 
 HEADER = "timestamp,arbitration_id,extended,remote,error,dlc,data\n"
 

@@ -3,7 +3,7 @@
 import pytest
 
 from bench.errors import LapError
-from bench.laps.asc import read
+from bench.laps.can.asc import read
 
 HEAD = "date Thu Jan 1 12:00:00.000 am 2026\nbase hex  timestamps absolute\n"
 BEGIN = "Begin Triggerblock Thu Jan 1 12:00:00.000 am 2026\n"

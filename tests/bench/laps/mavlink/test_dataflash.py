@@ -8,8 +8,8 @@ import pytest
 from bench.errors import LapError
 from bench.laps import CHANNELS, Lap, read_lap, write_lap
 from bench.laps.channel_map import load_map
-from bench.laps.dataflash import _LABELS
-from bench.laps.records import FMT, Definition, definition_record, head
+from bench.laps.mavlink.dataflash import _LABELS
+from bench.laps.mavlink.records import FMT, Definition, definition_record, head
 
 IMU = Definition(150, "IMU", "QBfffHc", ("TimeUS", "I", "GyrX", "GyrY", "AccZ", "Err", "Spd"))
 UNIT = Definition(151, "UNIT", "QbZ", ("TimeUS", "Id", "Label"))

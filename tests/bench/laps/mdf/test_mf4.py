@@ -6,10 +6,10 @@ import pytest
 from bench.errors import LapError
 from bench.laps import CHANNELS, Lap, write_lap
 from bench.laps.channel_map import load_map
-from bench.laps.mf4 import read
+from bench.laps.mdf.mf4 import read
 from bench.recorder import record
 from targets.ecu import Frame
-from tests.bench.laps.mdf import block, mf4, patched, signal
+from tests.bench.laps.mdf.files import block, mf4, patched, signal
 
 asammdf = pytest.importorskip("asammdf")
 
@@ -142,7 +142,7 @@ def test_units_are_written(tmp_path):
 def test_without_asammdf_the_command_that_helps_is_named(tmp_path, monkeypatch):
     """Reading and writing say what to install."""
     path = mf4(tmp_path, [signal("fork_stroke_mm")])
-    monkeypatch.setattr("bench.laps.mf4.find_spec", lambda name: None)
+    monkeypatch.setattr("bench.laps.mdf.mf4.find_spec", lambda name: None)
     for act in (
         lambda: read(path),
         lambda: write_lap(Lap(np.arange(2), {"speed_kmh": np.zeros(2)}), tmp_path / "a.mf4"),

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bench.errors import LapError
-from bench.laps.candump import parse
-from bench.laps.frames import ERROR, FD, REMOTE
+from bench.laps.can.candump import parse
+from bench.laps.can.frames import ERROR, FD, REMOTE
 from tests.conftest import SHARED
 
 KTM = sorted((SHARED / "data" / "ktm-1390-candump").glob("*.log"))

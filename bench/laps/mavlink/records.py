@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import LapError
-from bench.laps.messages import between, content, listed
+from bench.laps.mavlink.messages import between, content, listed
 from targets.jit import njit
 
 FMT = 128

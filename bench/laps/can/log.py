@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from bench.codec import Codec, Message, Signal
 from bench.errors import LapError, RecordError
+from bench.laps.can.frames import FD, MOST_BYTES, Frames
 from bench.laps.channel_map import ChannelMap, Row
-from bench.laps.frames import FD, MOST_BYTES, Frames
 from bench.laps.lap import Lap
 from bench.laps.recording import Recording, Track
 from dbc import CHANNELS, MOTORCYCLE

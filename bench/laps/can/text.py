@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from bench.errors import LapError
-from bench.laps.frames import MOST_BYTES, Damage, Frames, gather, shown
+from bench.laps.can.frames import MOST_BYTES, Damage, Frames, gather, shown
 from bench.quiet import quiet
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import pytest
 
 from bench.errors import LapError
 from bench.laps.files import format_of
-from tests.bench.laps.logs import EVERY, strokes, write
+from tests.bench.laps.can.logs import EVERY, strokes, write
 
 CASES = 40
 WORST_S = 20

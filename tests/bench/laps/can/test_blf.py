@@ -7,8 +7,8 @@ import can
 import pytest
 
 from bench.errors import LapError
-from bench.laps.blf import parse, read
-from tests.bench.laps.logs import FRAMES, strokes, write
+from bench.laps.can.blf import parse, read
+from tests.bench.laps.can.logs import FRAMES, strokes, write
 
 
 def container(body, method=2, size=None):

@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Iterator
 
 from bench.errors import LapError
-from bench.laps.frames import MOST_BYTES
+from bench.laps.can.frames import MOST_BYTES
 
 _BLOCK = struct.Struct("<4s4xQQ")  # name, length, number of links
 _HEAD_AT = 64

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import LapError
-from bench.laps.frames import FD, Frames, nanoseconds
+from bench.laps.can.frames import FD, Frames, nanoseconds
 
 if TYPE_CHECKING:
     from asammdf import MDF

@@ -7,8 +7,8 @@ import zlib
 import pytest
 
 from bench.errors import LapError
-from bench.laps.mf4 import read
-from tests.bench.laps.mdf import block, mf4, patched, signal, unsorted
+from bench.laps.mdf.mf4 import read
+from tests.bench.laps.mdf.files import block, mf4, patched, signal, unsorted
 
 pytest.importorskip("asammdf")
 

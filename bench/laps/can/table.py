@@ -5,7 +5,8 @@ Belongs here: that header. Never: a lap table, which is `bench.laps.csv`, a sign
 
 from pathlib import Path
 
-from bench.laps import can_log, can_text
+from bench.laps.can import log as can_log
+from bench.laps.can import text as can_text
 from bench.laps.channel_map import ChannelMap
 from bench.laps.recording import Recording
 

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.errors import LapError
-from bench.laps import can_log, can_text
-from bench.laps.can_text import Lines
+from bench.laps.can import log as can_log
+from bench.laps.can import text as can_text
+from bench.laps.can.text import Lines
 from bench.laps.channel_map import ChannelMap
 from bench.laps.recording import Recording
 

@@ -6,8 +6,8 @@ from contextlib import closing
 import pytest
 
 from bench.errors import LapError
-from bench.laps.can_db import COLUMNS, read
-from tests.bench.laps.logs import FRAMES, strokes, write
+from bench.laps.can.db import COLUMNS, read
+from tests.bench.laps.can.logs import FRAMES, strokes, write
 
 PLAIN = (
     "CREATE TABLE messages (ts REAL, arbitration_id INTEGER, extended INTEGER, remote INTEGER, "

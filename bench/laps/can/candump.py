@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import LapError
-from bench.laps import can_log
+from bench.laps.can import log as can_log
+from bench.laps.can.frames import ERROR, FD, NAMED, REMOTE, Damage, Frames, shown
 from bench.laps.channel_map import ChannelMap
-from bench.laps.frames import ERROR, FD, NAMED, REMOTE, Damage, Frames, shown
 from bench.laps.lap import Lap
 from bench.laps.recording import Recording
 from targets.jit import njit

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.errors import LapError
-from bench.laps import can_log
+from bench.laps.can import log as can_log
+from bench.laps.can.frames import MOST_BYTES, Damage, Frames, gather
 from bench.laps.channel_map import ChannelMap
-from bench.laps.frames import MOST_BYTES, Damage, Frames, gather
 from bench.laps.lap import Lap
 from bench.laps.recording import Recording
 from bench.quiet import quiet

@@ -10,7 +10,7 @@ from bench.laps.channel_map import load_map
 from bench.laps.files import format_of
 from bench.laps.recording import Recording
 from bench.sensors.transducers import BY_CHANNEL
-from tests.bench.laps.logs import DBC, EVERY, FRAMES, REAR_RAW, STROKE_RAW, candump, strokes, write
+from tests.bench.laps.can.logs import DBC, EVERY, FRAMES, REAR_RAW, STROKE_RAW, candump, strokes, write
 from tests.conftest import SHARED
 
 TOYOTA = SHARED / "data" / "comma2k19-toyota-can"

@@ -9,7 +9,7 @@ in messages that have the GPS week, whose `TimeMS` is the satellites'.
 
 Without a map a lap is read from the messages LAP that `write` makes, in the units of the channels' names.
 
-Belongs here: types, instances, units, channels. Never: a record's framing, which is `bench.laps.records`'.
+Belongs here: types, instances, units, channels. Never: a record's framing, which is `records`'.
 """
 
 import re
@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from bench.errors import LapError
 from bench.laps.channel_map import ChannelMap, Row
 from bench.laps.lap import Lap
-from bench.laps.messages import LATEST_US, Signal, address, element, listed, one, recording, whole_us
+from bench.laps.mavlink.messages import LATEST_US, Signal, address, element, listed, one, recording, whole_us
+from bench.laps.mavlink.records import FMT, Definition, Log, definition_record, head
 from bench.laps.recording import Recording
-from bench.laps.records import FMT, Definition, Log, definition_record, head
 
 _LABELS = {
     "fork_stroke_mm": "Fork",

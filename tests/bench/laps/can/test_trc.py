@@ -3,7 +3,7 @@
 import pytest
 
 from bench.errors import LapError
-from bench.laps.trc import read
+from bench.laps.can.trc import read
 
 V1_0 = "     1)   {ms} 0100  4  01 02 03 04 \n"
 V1_1 = "     1)   {ms}.0  Rx         0100  4    01 02 03 04 \n"

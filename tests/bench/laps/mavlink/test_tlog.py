@@ -11,7 +11,7 @@ import pytest
 from bench.errors import LapError
 from bench.laps import CHANNELS, Lap, read_lap, write_lap
 from bench.laps.channel_map import load_map
-from bench.laps.mavlink import dialect
+from bench.laps.mavlink.framing import dialect
 
 mavlink = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega", reason="pymavlink is not installed")
 

@@ -1,7 +1,7 @@
 """ASAM MDF4 files: measured channels by name, or the frames of a bus log, both through asammdf.
 
 Belongs here: which channel of a file is which of a lap, its unit, its group's time. Never: blocks and links,
-which `bench.laps.mf4_blocks` checks before asammdf sees them; the frames of a bus, which are `mf4_bus`'s.
+which `bench.laps.mdf.blocks` checks before asammdf sees them; the frames of a bus, which are `mf4_bus`'s.
 Times count from the file's start.
 """
 
@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import BenchError, LapError
-from bench.laps import can_log, mf4_bus
+from bench.laps.can import log as can_log
 from bench.laps.channel_map import UNITS, ChannelMap, Row
 from bench.laps.columns import TIME, columns_from_lap
 from bench.laps.lap import Lap
-from bench.laps.mf4_blocks import Blocks
+from bench.laps.mdf import bus as mf4_bus
+from bench.laps.mdf.blocks import Blocks
 from bench.laps.recording import Recording, Track
 from bench.mf4 import START, forget_save_time
 from bench.quiet import quiet

@@ -1,0 +1,1 @@
+"""CAN logs as laps: one module a format, all of them turned into `frames.Frames` and decoded by `log`."""

@@ -1,0 +1,1 @@
+"""MAVLink telemetry and ArduPilot DataFlash as laps."""
