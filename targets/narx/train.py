@@ -6,9 +6,10 @@ is minimised, since that is the form which is deployed. `settings.SERIES_PARALLE
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from itertools import islice
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,11 +52,15 @@ class Quality:
 
 @dataclass
 class Candidate:
-    """What became of one seed. judges: held-out Er in percent (or RMSE) of its free run after each stage."""
+    """What became of one seed.
+
+    judges: held-out Er in percent (or RMSE) of its free run after each stage. stages: how many it has behind it.
+    """
 
     seed: int
     judges: dict[str, float] = field(default_factory=dict)
     iterations: int = 0
+    stages: int = 0
     stable: bool = False
     theta: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
     judge: float = np.inf
@@ -85,29 +90,47 @@ class TrainingResult(NamedTuple):
     report: Report
 
 
+State = dict[str, Any]
+"""Where a training stands, as plain numbers and strings: what `train` hands out and takes up again."""
+
+
 def train(
-    data: Sequences, settings: Settings | None = None, progress: Callable[[Progress], None] | None = None
+    data: Sequences,
+    settings: Settings | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: State | None = None,
+    save: Callable[[State], None] | None = None,
 ) -> TrainingResult:
     """Train a network for data.output on data.inputs.
 
-    Every seed goes through the screening stages, the best one that is stable through the refinement.
-    The same data and settings give the same weights, byte for byte, on one machine with one number of
-    threads. KeyboardInterrupt ends the training with the best network so far.
-    Raises TrainingError for data that cannot be trained on, and if no seed gave a network whose free run
-    stays, on every run, within the output's range (half of it beyond at most) and better than a constant.
+    Every seed goes through the screening stages, the best one that is stable through the refinement; a
+    refinement that leaves it unstable is undone. The same data and settings give the same weights, byte for
+    byte, on one machine with one number of threads. KeyboardInterrupt ends the training with the best network
+    so far. save is given the state after every stage; resume: a state to go on from, which ends in the same
+    bytes as a training that was never interrupted.
+    Raises TrainingError for data that cannot be trained on, for a state of other data or settings, and if no
+    seed gave a network whose free run stays, on every run, within the output's range (half of it beyond at
+    most) and better than a constant.
     """
     job = _Job(data, settings or Settings(), progress or (lambda _: None))
-    candidates: list[Candidate] = []
+    candidates = job.restored(resume) if resume else []
+    job.saved = lambda: (save or (lambda _: None))(job.state(candidates))
     interrupted = False
     try:
-        for seed in job.settings.seeds:
-            candidates.append(Candidate(seed))
-            job.run(candidates[-1], job.settings.screening)
+        known = {candidate.seed for candidate in candidates}
+        candidates += [Candidate(seed) for seed in job.settings.seeds if seed not in known]
+        for candidate in candidates:
+            job.run(candidate, job.settings.screening, 0)
         best = _best(candidates)
         if best is not None:
-            job.run(best, job.settings.refinement)
+            screened = replace(best, judges=dict(best.judges))
+            job.run(best, job.settings.refinement, len(job.settings.screening))
+            if not best.stable:
+                candidates[:] = [screened if candidate is best else candidate for candidate in candidates]
+                job.saved()
     except KeyboardInterrupt:
         interrupted = True
+        candidates = [candidate for candidate in candidates if candidate.theta.size]
         for candidate in candidates:
             job.appraise(candidate)
     best = _best(candidates)
@@ -130,6 +153,14 @@ def train(
     return TrainingResult(network, report)
 
 
+_WEIGHTS = 1_000_000
+"""Number of the random stream of the first weights, apart from the stages'."""
+
+
+def _stream(seed: int, number: int) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64([seed, number]))
+
+
 def _best(candidates: list[Candidate]) -> Candidate | None:
     stable = [candidate for candidate in candidates if candidate.stable]
     return min(stable, key=lambda candidate: candidate.judge, default=None)
@@ -142,15 +173,60 @@ class _Job:
         load_torch(settings.device)  # before any work
         self.source, self.data = data, Ready(data, settings)
         self.settings, self.progress = settings, progress
+        self.saved: Callable[[], None] = lambda: None
 
-    def run(self, candidate: Candidate, stages: tuple[Stage, ...]) -> None:
-        """Lead a candidate through `stages`; at any moment it holds its best theta so far."""
-        rng = np.random.Generator(np.random.PCG64([candidate.seed, candidate.iterations]))
+    def run(self, candidate: Candidate, stages: tuple[Stage, ...], first: int) -> None:
+        """Lead a candidate through those of `stages`, numbered from `first`, that it has not behind it.
+
+        At any moment it holds its best theta so far.
+        """
         if not candidate.theta.size:
-            candidate.theta = self._first(rng)
-        for stage in stages:
-            self._run_stage(candidate, stage, rng)
+            candidate.theta = self._first(_stream(candidate.seed, _WEIGHTS))
+        for number, stage in enumerate(stages, start=first):
+            if number >= candidate.stages:
+                self._run_stage(candidate, stage, _stream(candidate.seed, number))
+                candidate.stages = number + 1
+                self.saved()
         self.appraise(candidate)
+
+    def state(self, candidates: list[Candidate]) -> State:
+        """What `restored` takes up again."""
+        rows = [
+            {
+                "seed": c.seed,
+                "judges": c.judges,
+                "iterations": c.iterations,
+                "stages": c.stages,
+                "theta": c.theta.tolist(),
+            }
+            for c in candidates
+            if c.stages
+        ]
+        return {"of": self._fingerprint(), "candidates": rows}
+
+    def restored(self, state: State) -> list[Candidate]:
+        """The candidates of a state; TrainingError if it belongs to other data or settings."""
+        try:
+            if state["of"] != self._fingerprint():
+                raise TrainingError("the training to go on with had other laps or other settings")
+            return [
+                Candidate(
+                    int(row["seed"]),
+                    {str(name): float(judge) for name, judge in row["judges"].items()},
+                    int(row["iterations"]),
+                    int(row["stages"]),
+                    theta=np.array(row["theta"], dtype=np.float64),
+                )
+                for row in state["candidates"]
+            ]
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise TrainingError(f"no state of a training: {error!r}") from None
+
+    def _fingerprint(self) -> str:
+        digest = sha256(repr((self.settings, self.data.names, self.source.rate_hz)).encode())
+        for u, y in self.source.runs:
+            digest.update(u.tobytes() + y.tobytes())
+        return digest.hexdigest()
 
     def appraise(self, candidate: Candidate) -> None:
         """Judge the free run of the theta a candidate holds; without one it is not stable."""

@@ -1,4 +1,5 @@
 import builtins
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -145,6 +146,63 @@ def test_interruption_keeps_the_best(rides):
     assert len(result.report.candidates) == 1
     best = min(step.judge for step in told if step.stage == "closed, short")
     assert result.report.candidates[0].judge == best
+
+
+@pytest.mark.parametrize("stopped", [1, 3, 5])
+def test_resumed_training_ends_in_the_same_bytes(rides, stopped):
+    """A training interrupted within any stage and taken up again gives the weights of one left alone."""
+    whole = train(rides(), BRIEF)
+    states, stages = [], []
+
+    def impatient(step):
+        if (step.seed, step.stage) not in stages:
+            stages.append((step.seed, step.stage))
+        if len(stages) == stopped and step.iteration == 2:
+            raise KeyboardInterrupt
+
+    train(rides(), BRIEF, impatient, save=lambda state: states.append(json.dumps(state)))
+    assert len(states) == stopped - 1
+    begun = []
+    resume = json.loads(states[-1]) if states else None
+    again = train(rides(), BRIEF, lambda step: begun.append((step.seed, step.stage)), resume=resume)
+    assert len(set(begun)) == 5 - (stopped - 1)
+    assert again.network.W1.tobytes() == whole.network.W1.tobytes()
+    assert repr(again.report) == repr(whole.report)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda state: {**state, "of": "another"}, "other laps or other settings"),
+        (lambda state: {"of": state["of"]}, "no state of a training"),
+        (lambda state: {**state, "candidates": [{"seed": "x"}]}, "no state of a training"),
+        (lambda state: {**state, "candidates": 3}, "no state of a training"),
+        (lambda state: [], "no state of a training"),
+    ],
+)
+def test_a_state_of_something_else_is_refused(rides, change, says):
+    """What is not a state of this very training is refused in one line."""
+    states, one = [], replace(BRIEF, seeds=(0,), refinement=())
+    train(rides(), one, save=states.append)
+    with pytest.raises(TrainingError, match=says):
+        train(rides(), one, resume=change(states[-1]) or [0])
+
+
+def test_a_refinement_that_diverges_is_undone(rides, monkeypatch):
+    """Where the refined network is unstable the screened one it came from is kept."""
+    stable = room._Job.stable
+    thetas = []
+
+    def refined_fails(job, theta):
+        thetas.append(theta)
+        return stable(job, theta) and len(thetas) <= len(BRIEF.seeds)
+
+    monkeypatch.setattr(room._Job, "stable", refined_fails)
+    kept = train(rides(), BRIEF)
+    assert len(thetas) == len(BRIEF.seeds) + 1
+    chosen = next(c for c in kept.report.candidates if c.seed == kept.report.chosen)
+    assert "closed" not in chosen.judges
+    assert chosen.theta.tobytes() != thetas[-1].tobytes()
 
 
 @pytest.mark.parametrize("spoiled", [0, 3])  # a run trained on, the run held out
