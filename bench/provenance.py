@@ -2,7 +2,7 @@
 
 from importlib.metadata import PackageNotFoundError, version
 
-PACKAGES = ("strokebench", "numpy", "numba", "unicorn", "capstone", "python-can", "cantools")
+PACKAGES = ("strokebench", "numpy", "numba", "scipy", "unicorn", "capstone", "python-can", "cantools")
 
 
 def versions() -> dict[str, str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import can
 
-from bench.laps.candump import parse
+from bench.laps.can.candump import parse
 
 LEAST_S = 1.0
 

@@ -38,11 +38,14 @@ def test_damaged_tables_are_refused_or_say_what_they_say(tmp_path, suffix, seed)
     write_lap(a_lap(), path)
     content = path.read_bytes()
     path.write_bytes(mutated(content, seed))
+    said, lap = "", None
     try:
         lap = read_lap(path)
     except LapError as refusal:
-        assert str(path) in str(refusal)
-        assert "\n" not in str(refusal)
+        said = str(refusal)
+    if lap is None:
+        assert str(path) in said
+        assert "\n" not in said
         return
     # A row that is missing entirely cannot be seen in CSV but for the gap in time, which is told.
     lost = len(a_lap().t_ns) - len(lap.t_ns)
