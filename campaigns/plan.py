@@ -3,12 +3,13 @@
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bench.toml import read_table
 from campaigns.errors import CampaignError
+from campaigns.narx_plan import KINDS, SoftSensorCampaign
 
 HERE = Path(__file__).parent
 FAULT_FREE = "fault-free"
@@ -19,6 +20,7 @@ class Campaign(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    kind: Literal["road"] = "road"
     title: str
     stands_for: str
     route: str
@@ -53,17 +55,31 @@ class Trial:
         return sha256(repr(self).encode()).hexdigest()[:16]
 
 
-def load(name: str) -> Campaign:
+NAMES = ("demo", "narx_grid", "narx_performance", "narx_leave_one_out")
+"""Campaigns that come with the bench."""
+
+
+def load(name: str) -> Campaign | SoftSensorCampaign:
     """The campaign of a shipped NAME or a FILE.toml; CampaignError, one line, for anything else."""
+    if name not in NAMES and not name.endswith(".toml"):
+        raise CampaignError(
+            f"unknown campaign {name!r}; the known ones are {', '.join(NAMES)}, or a .toml file"
+        )
     path = Path(name) if name.endswith(".toml") else HERE / f"{name}.toml"
     table = read_table(path, CampaignError)
+    kinds: dict[str, type[Campaign | SoftSensorCampaign]] = {"road": Campaign, **KINDS}
+    kind = table.get("kind", "road")
+    if not isinstance(kind, str) or kind not in kinds:
+        raise CampaignError(f"{path}: kind is {kind!r}, none of {', '.join(kinds)}")
     try:
-        campaign = Campaign(**table)
+        campaign = kinds[kind](**table)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         found = "" if first["type"] == "missing" else f" (is {first['input']!r})"
         raise CampaignError(f"{path}: {where}: {first['msg'].lower()}{found}") from None
+    if not isinstance(campaign, Campaign):
+        return campaign
     if FAULT_FREE in campaign.faults:
         raise CampaignError(f"{path}: faults: {FAULT_FREE!r} is the laps without one")
     low, high = campaign.fault_window_s

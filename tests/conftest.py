@@ -1,6 +1,7 @@
 """What many tests share: a small network, its calibration, laps, and the ECUs on both hosts."""
 
 import shutil
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,13 @@ SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 INPUTS = ("fork_stroke_mm", "pitch_rate_dps", "speed_kmh")
 SPANS = ((0.0, 150.0), (-80.0, 80.0), (0.0, 200.0))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def interruptible():
+    """Ctrl-C interrupts, as at a terminal: a shell's background job starts with it ignored."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def network(neurons: int = 15, delays: int = 10, seed: int = 1, shift: int = 0) -> Narx:

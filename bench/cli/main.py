@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from bench.cli import demo, doctor, ecu, lap, plant, replay, run, train
+from bench.cli import campaign, demo, doctor, ecu, lap, plant, replay, run, train
 from bench.errors import BenchError
 from targets.errors import TargetError
 
@@ -19,6 +19,7 @@ app.command()(demo.demo)
 app.command()(run.run)
 app.add_typer(lap.app, name="lap")
 app.add_typer(plant.app, name="plant")
+app.add_typer(campaign.app, name="campaign")
 app.add_typer(train.app, name="train")
 app.command()(replay.replay)
 app.command()(ecu.ecu)

@@ -73,13 +73,13 @@ def lap_page(lap: Lap, part: Lap, lines: Sequence[str], heads: Sequence[str], ro
     """The page of a lap: `lines` about it, the table, the channels of `part` over one axis, provenance."""
     reduced_ms = part.duration_ns / 1e6 / MOST if len(part.t_ns) > 2 * MOST else 0.0
     body = [f"<p>{escape(line)}</p>" for line in lines]
-    body.append(_table(heads, rows))
+    body.append(table(heads, rows))
     if reduced_ms:
         body.append(
             f"<p>Drawn: lowest and highest value of every {reduced_ms:.3g} ms; a shorter section "
             "(<code>--from S --to S</code>) is drawn with every sample.</p>"
         )
-    return _page(lap.source, [*body, _plot(_courses(part)), _provenance([lap])])
+    return frame(lap.source, [*body, plot(_courses(part)), _provenance([lap])])
 
 
 def comparison_page(
@@ -92,15 +92,17 @@ def comparison_page(
 
     motions: name of a stroke -> name of a column -> the motion there.
     """
-    body = [_table(heads, rows), _plot(_overlaid(motions)), _provenance(laps)]
-    return _page("Laps compared", body)
+    body = [table(heads, rows), plot(_overlaid(motions)), _provenance(laps)]
+    return frame("Laps compared", body)
 
 
-def _page(title: str, body: Sequence[str]) -> str:
+def frame(title: str, body: Sequence[str]) -> str:
+    """A whole page of parts that are HTML already."""
     return _FRAME.format(title=escape(title), body="\n".join(body))
 
 
-def _table(heads: Sequence[str], rows: Sequence[Row]) -> str:
+def table(heads: Sequence[str], rows: Sequence[Row]) -> str:
+    """A table as HTML; a row of a name alone is a heading within it."""
     lines = ["<tr>" + "".join(f"<th>{escape(head)}</th>" for head in heads) + "</tr>"]
     for name, *cells in rows:
         kind = "" if cells else ' class="section"'
@@ -114,11 +116,12 @@ def _provenance(laps: Sequence[Lap]) -> str:
     rows = [(lap.source, lap.digest()) for lap in laps]
     made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
     return (
-        _table(("file", "sha256 of the lap"), rows) + f"\n<p>Made with <code>{escape(made_with)}</code>.</p>"
+        table(("file", "sha256 of the lap"), rows) + f"\n<p>Made with <code>{escape(made_with)}</code>.</p>"
     )
 
 
-def _plot(figure: Any) -> str:
+def plot(figure: Any) -> str:
+    """A plotly figure as HTML, plotly.js in it: one a page."""
     from plotly.io import to_html
 
     text: str = to_html(
@@ -132,7 +135,8 @@ def _plot(figure: Any) -> str:
     return text
 
 
-def _subplots(titles: Sequence[str], columns: int, height: int, apart: int, **more: Any) -> Any:
+def subplots(titles: Sequence[str], columns: int, height: int, apart: int, **more: Any) -> Any:
+    """An empty figure of one plot a title, `columns` beside each other, each `height` pixels high."""
     from plotly.subplots import make_subplots
 
     count = -(-len(titles) // columns)
@@ -156,7 +160,7 @@ def _courses(part: Lap) -> Any:
 
     t_s = part.t_ns / 1e9
     longest_s = GAP * float(np.median(np.diff(t_s)))
-    figure = _subplots([f"{name}, {unit_of(name)}" for name in part.channels], 1, 190, 60, shared_xaxes=True)
+    figure = subplots([f"{name}, {unit_of(name)}" for name in part.channels], 1, 190, 60, shared_xaxes=True)
     edges = np.linspace(t_s[0], t_s[-1], MOST + 1)
     for row, (name, values) in enumerate(part.channels.items(), 1):
         if len(t_s) > 2 * MOST:
@@ -185,7 +189,7 @@ def _overlaid(motions: Mapping[str, Mapping[str, Motion]]) -> Any:
     from bench.laps.describe import GRID_HZ, SPEEDS_MM_S
 
     titles = [f"{name}: {what}" for name in motions for what in ("power density", "share of time at a speed")]
-    figure = _subplots(titles, 2, 420, 100)
+    figure = subplots(titles, 2, 420, 100)
     names = list(dict.fromkeys(name for columns in motions.values() for name in columns))
     for row, columns in enumerate(motions.values(), 1):
         for name, motion in columns.items():

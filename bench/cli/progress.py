@@ -37,6 +37,23 @@ def lap_progress(duration_ns: int) -> Iterator[Callable[[int], None]]:
 
 
 @contextmanager
+def counted_progress(what: str, total: int | None) -> Iterator[Callable[[str], None]]:
+    """A bar of `total` jobs with the time left; yields what to call, with a word on it, as each one ends."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    screen = Console(stderr=True)
+    # Drawn when told, not by a thread: none may be running when workers are forked.
+    with Progress(
+        *columns, console=screen, transient=True, auto_refresh=False, disable=not screen.is_terminal
+    ) as bar:
+        task = bar.add_task(what, total=total)
+        bar.refresh()
+        yield lambda word: bar.update(task, advance=1, description=f"{what} {word}".strip(), refresh=True)
+
+
+@contextmanager
 def training_progress(settings: "Settings") -> "Iterator[Callable[[Progress], None]]":
     """A bar over all seeds and stages, with the present stage and held-out error beside it."""
     from rich.console import Console

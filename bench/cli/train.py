@@ -1,4 +1,9 @@
-"""`bench train`: from a folder of laps to a calibration file."""
+"""`bench train`: from a folder of laps to a calibration file.
+
+Belongs here: options, files, tables. Never: an iteration, a measure.
+"""
+
+from __future__ import annotations
 
 import json
 from pathlib import Path
@@ -9,12 +14,13 @@ import typer
 from bench.cli.options import Map, Repair, SensorsName, open_lap
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from bench.laps.lap import Lap
-    from bench.sensors.parts import Sensors
     from targets.calibration import Detector
     from targets.narx.network import Narx
     from targets.narx.sequences import Sequences
-    from targets.narx.train import Report
+    from targets.narx.train import Report, State
 
 app = typer.Typer(
     help="Train soft sensors (needs the extra `train`).",
@@ -37,61 +43,107 @@ def narx(
     shift: Annotated[int, typer.Option(help="Samples by which the prediction runs ahead.")] = 0,
     seed: Annotated[int, typer.Option(help="First of the seeds to try.")] = 0,
     seeds: Annotated[int, typer.Option(help="So many seeds; the best on held-out laps is kept.")] = 4,
+    recipe: Annotated[
+        str, typer.Option(help="parallel (closed-loop error), or series-parallel as in the thesis.")
+    ] = "parallel",
+    inputs: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES", help="Channels, by commas.  [default: the thesis's that every lap has]"
+        ),
+    ] = None,
+    output: Annotated[str, typer.Option(metavar="NAME", help="Channel to predict.")] = "rear_stroke_mm",
+    antialias: Annotated[
+        bool, typer.Option("--antialias", help="Resample through a zero-phase low-pass (III.2).")
+    ] = False,
+    edit: Annotated[bool, typer.Option("--edit", help="Replace outliers beyond 3 sigma (III.2).")] = False,
+    device: Annotated[str, typer.Option(help="Where matrices are multiplied: cpu or cuda.")] = "cpu",
     sensors: SensorsName = "datasheet",
     map_file: Map = None,
     repair: Repair = False,
+    test: Annotated[
+        Path | None, typer.Option("--test", metavar="DIR", help="Unseen laps to measure the result on.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where an interrupted training left off.")
+    ] = False,
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the report as JSON.")
     ] = None,
 ) -> None:
-    """Train the rear stroke soft sensor (chapter III) on laps and write it as calibration data.
+    """Train a soft sensor (chapter III) on laps and write it as calibration data.
 
     The laps go through sensors and logger first: the network is trained on what the ECU sees. The detector's
-    n is the smallest with which no training lap raises an alarm. Ctrl-C keeps the best network so far.
+    n is the smallest with which no training lap raises an alarm. Ctrl-C keeps the best network so far, and
+    MODEL.part from which --resume goes on. A MODEL that was better on the same laps is not overwritten.
     """
     from bench.provenance import versions
     from bench.sensors.datasheets import load_sensors
     from bench.whole import check_writable, whole
+    from campaigns.soft_sensor import inputs_of, ranges, sequences
     from targets.calibration import Calibration, Detector, dumps
     from targets.ifd import quiet_multiple
-    from targets.narx.settings import Settings
+    from targets.narx.settings import Settings, recipe_of, relative_suits
     from targets.narx.train import train
 
     check_writable(out)
     if json_out:
         check_writable(json_out)
+    stages = recipe_of(recipe)
     instruments = load_sensors(sensors)
-    ridden = _laps(laps, map_file, repair)
-    data = _sequences(ridden, instruments)
+    ridden = laps_in(laps, map_file, repair)
+    names = inputs_of(ridden, inputs.split(",") if inputs else None, output)
+    data = sequences(ridden, instruments, names, output, antialias)
+    unseen = laps_in(test, map_file, repair) if test else []
     settings = Settings(
-        neurons=neurons, delays=delay, shift=shift, seeds=tuple(range(seed, seed + max(seeds, 0)))
+        neurons=neurons,
+        delays=delay,
+        shift=shift,
+        seeds=tuple(range(seed, seed + max(seeds, 0))),
+        edit=edit,
+        device=device,
+        ranges=ranges(),
+        relative=relative_suits(data, ranges()[output]),
+        **stages,
     )
+    part = out.with_name(f"{out.name}.part")
     with _bar(settings) as tell:
-        network, report = train(data, settings, tell)
+        network, report = train(data, settings, tell, _state(part) if resume else None, _saver(part))
     network = network.rounded()
     detector = Detector()
-    detector = Detector(multiple=quiet_multiple(_residuals(network, data, detector), detector))
+    if output == "rear_stroke_mm":
+        detector = Detector(multiple=quiet_multiple(_residuals(network, data, detector), detector))
     provenance = {
         "made_by": "bench train narx",
         "versions": {name: v for name, v in versions().items() if name in ("strokebench", "numpy", "numba")},
         "seed": report.chosen,
         "sensors": instruments.name,
+        "recipe": recipe,
         "laps_sha256": {lap.source: lap.digest() for lap in ridden},
         "training": _quality(report, "training"),
         "held_out": _quality(report, "held_out"),
         "interrupted": report.interrupted,
     }
     calibration = Calibration(network, detector, provenance)
-    with whole(out) as part:
-        part.write_text(dumps(calibration), encoding="utf-8")
+    target = _target(out, provenance)
+    with whole(target) as file:
+        file.write_text(dumps(calibration), encoding="utf-8")
+    if not report.interrupted:
+        part.unlink(missing_ok=True)
+    result = {"calibration": calibration.checksum, "candidates": _candidates(report), **provenance}
+    _print(report, detector, target)
+    if unseen:
+        result["test"] = _tested(network, data, sequences(unseen, instruments, names, output, antialias))
     if json_out:
-        result = {"calibration": calibration.checksum, "candidates": _candidates(report), **provenance}
-        with whole(json_out) as part:
-            part.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    _print(report, detector, out)
+        with whole(json_out) as file:
+            file.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    if target != out:
+        typer.echo(f"bench: train: {out} was better on these laps and is kept", err=True)
+        raise typer.Exit(1)
 
 
-def _laps(folder: Path, map_file: Path | None, repair: bool) -> "list[Lap]":
+def laps_in(folder: Path, map_file: Path | None, repair: bool) -> list[Lap]:
+    """Every lap of a folder, by file name; LapError if there is none."""
     from bench.errors import LapError
     from bench.laps.files import FORMATS
 
@@ -103,48 +155,78 @@ def _laps(folder: Path, map_file: Path | None, repair: bool) -> "list[Lap]":
     return [open_lap(path, map_file, repair) for path in files]
 
 
-def _sequences(laps: "list[Lap]", sensors: "Sensors") -> "Sequences":
-    """The laps as the ECU sees them: through sensors and logger, at 100 Hz."""
-    import numpy as np
+def _state(part: Path) -> State:
+    from targets.errors import TrainingError
 
-    from bench.mdlog.logger import sampled
-    from bench.sensors.codes import acquire
-    from targets.narx.sequences import Sequences
-
-    inputs, output = ("fork_stroke_mm", "pitch_rate_dps", "speed_kmh"), "rear_stroke_mm"
-    runs = []
-    for lap in laps:
-        lap.require((*inputs, output), "training")
-        seen = sampled(acquire(lap, sensors))
-        runs.append((np.stack([seen[name] for name in inputs], axis=1), seen[output]))
-    return Sequences(inputs, output, tuple(runs))
+    try:
+        state: State = json.loads(part.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise TrainingError(f"{part}: nothing to resume: {error.strerror}") from None
+    except ValueError:
+        raise TrainingError(f"{part}: not the state of a training") from None
+    return state
 
 
-def _residuals(network: "Narx", data: "Sequences", detector: "Detector") -> list[Any]:
+def _saver(part: Path) -> Callable[[State], None]:
+    from bench.whole import whole
+
+    def save(state: State) -> None:
+        with whole(part) as file:
+            file.write_text(json.dumps(state), encoding="utf-8")
+
+    return save
+
+
+def _target(out: Path, provenance: dict[str, Any]) -> Path:
+    """`out`, or a name beside it if `out` holds a better result from the same laps."""
+    from targets.calibration import load
+    from targets.errors import TargetError
+
+    if not out.exists():
+        return out
+    try:
+        old = load(out).provenance
+        better = (
+            old["laps_sha256"] == provenance["laps_sha256"]
+            and old["held_out"]["rmse_mm"] < provenance["held_out"]["rmse_mm"]
+        )
+    except (TargetError, KeyError, TypeError):
+        return out  # no calibration, or none of ours
+    return out.with_name(f"{out.stem}.worse{out.suffix}") if better else out
+
+
+def _residuals(network: Narx, data: Sequences, detector: Detector) -> list[Any]:
     """The detector's residual over every training lap, as the ECU forms it."""
-    import numpy as np
-
+    from campaigns.soft_sensor import network as free_runs
     from targets.ifd import residual
 
-    found = []
-    for u, y in data.runs:
-        predicted = network.free_run(u)
-        ahead = np.full(network.shift, network.initial_mm)
-        predicted = np.concatenate([ahead, predicted])[: len(y)]
-        found.append(residual(predicted, y, detector))
-    return found
+    predicted = free_runs("network", network, data).predictions
+    return [residual(p, y, detector) for p, (_, y) in zip(predicted, data.runs, strict=True)]
 
 
-def _quality(report: "Report", which: str) -> dict[str, float]:
+def _quality(report: Report, which: str) -> dict[str, float]:
     quality = getattr(report, which)
     return {"er_percent": quality.er_percent, "rmse_mm": quality.rmse, "skill": quality.skill}
 
 
-def _candidates(report: "Report") -> list[dict[str, Any]]:
+def _candidates(report: Report) -> list[dict[str, Any]]:
     return [
         {"seed": c.seed, "stable": c.stable, "iterations": c.iterations, "judges": c.judges}
         for c in report.candidates
     ]
+
+
+def _tested(network: Narx, training: Sequences, unseen: Sequences) -> dict[str, Any]:
+    """Figures on unseen laps beside the baselines; prints them."""
+    from rich.console import Console
+
+    from campaigns.soft_sensor import baselines
+    from campaigns.soft_sensor import network as free_runs
+    from campaigns.soft_sensor_tables import figures, performance_table
+
+    rows = figures([free_runs("network", network, unseen), *baselines(training, unseen, None)], unseen)
+    Console().print(performance_table(rows, f"{len(unseen.runs)} unseen laps"), highlight=False)
+    return {name: row.document() for name, row in rows.items()}
 
 
 def _bar(settings: Any) -> Any:
@@ -153,13 +235,13 @@ def _bar(settings: Any) -> Any:
     return training_progress(settings)
 
 
-def _print(report: "Report", detector: "Detector", out: Path) -> None:
+def _print(report: Report, detector: Detector, out: Path) -> None:
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
     console = Console()
-    table = Table(title="Seeds: held-out Er, %, at the end of each stage", title_justify="left")
+    table = Table(title="Seeds: held-out error at the end of each stage", title_justify="left")
     stages = list(dict.fromkeys(name for c in report.candidates for name in c.judges))
     for column in ("seed", *stages, "stable"):
         table.add_column(column, justify="right")
@@ -175,6 +257,8 @@ def _print(report: "Report", detector: "Detector", out: Path) -> None:
             f"skill {q.skill:.2f} against the best constant",
             highlight=False,
         )
+    for name, share in report.edited.items():
+        console.print(f"edited: {100 * share:.2f} % of {name}", highlight=False)
     console.print(
         f"detector: T = {100 * detector.threshold:g} %, L = {detector.window * 10} ms, "
         f"n = {detector.multiple}, the smallest without an alarm on the training laps\n"
@@ -182,4 +266,4 @@ def _print(report: "Report", detector: "Detector", out: Path) -> None:
         highlight=False,
     )
     if report.interrupted:
-        console.print("interrupted: the best network so far was kept")
+        console.print("interrupted: the best network so far was kept; --resume goes on")

@@ -2,9 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
 
 from targets.errors import TrainingError
 from targets.narx.prepare import RANGES, Range
+from targets.narx.sequences import Sequences
 
 
 @dataclass(frozen=True)
@@ -43,8 +47,31 @@ SCREENING = (
 REFINEMENT = (Stage("parallel", closed=True, iterations=80),)
 """What the best seed goes through after that."""
 
-SERIES_PARALLEL = (Stage("series-parallel", closed=False, iterations=1000),)
+SERIES_PARALLEL = (Stage("series-parallel", closed=False, iterations=1000, horizon=1000),)
 """Section III.1 to the letter: the closed loop is first tried when training has ended."""
+
+RECIPES: dict[str, dict[str, tuple[Stage, ...]]] = {
+    "parallel": {"screening": SCREENING, "refinement": REFINEMENT},
+    "series-parallel": {"screening": SERIES_PARALLEL, "refinement": ()},
+}
+"""Recipe -> the stages of `Settings`."""
+
+
+def recipe_of(name: str) -> dict[str, Any]:
+    """The stages of a recipe by its name, as arguments of `Settings`; TrainingError for another name."""
+    if name not in RECIPES:
+        raise TrainingError(f"unknown recipe {name!r}; the known ones are {', '.join(RECIPES)}")
+    return dict(RECIPES[name])
+
+
+def relative_suits(data: Sequences, span: Range) -> bool:
+    """Whether errors of data's output can be divided by it: hardly a sample within a tenth of its span of 0.
+
+    A motorcycle's rear stroke keeps off its end stop; a bicycle's shock rests on it, and there a relative
+    error says nothing.
+    """
+    measured = np.concatenate([np.abs(y) for _, y in data.runs])
+    return bool(np.quantile(measured, 0.01) > 0.1 * max(abs(span[0]), abs(span[1])))
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ class Quality:
 class Candidate:
     """What became of one seed.
 
-    judges: held-out Er in percent (or RMSE) of its free run after each stage. stages: how many it has behind it.
+    judges: held-out Er in percent (or RMSE) of its free run after each stage. stages: how many are done.
     """
 
     seed: int

@@ -93,11 +93,11 @@ def test_unusable_settings(refused, tmp_path, words, says):
 
 
 def test_lap_without_a_channel(refused, tmp_path):
-    """A lap that lacks a channel to train on is refused with its name."""
+    """A lap that lacks the channel to be predicted is refused with its name."""
     (tmp_path / "laps").mkdir()
     write_lap(wavy_lap(1.0, names=("fork_stroke_mm", "speed_kmh")), tmp_path / "laps" / "one.csv")
     line = refused("train", "narx", "--laps", tmp_path / "laps", "--out", tmp_path / "model.json")
-    assert "one.csv: missing pitch_rate_dps, rear_stroke_mm" in line
+    assert "one.csv: missing rear_stroke_mm, needed by training" in line
 
 
 def test_without_torch(refused, laps, tmp_path, monkeypatch):

@@ -1,0 +1,187 @@
+"""Runs the soft sensors' campaigns: many networks, each in a process with one thread of its own.
+
+Belongs here: which networks are trained on what. Never: a table, a screen, how a network is trained.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from bench import pool
+from bench.laps.lap import Lap
+from bench.plant.motorcycle import load_motorcycle
+from bench.plant.ride import ride
+from bench.plant.route import load_route
+from bench.sensors.datasheets import load_sensors
+from campaigns.narx_plan import Laps, NarxGrid, NarxLeaveOneOut, NarxPerformance
+from campaigns.soft_sensor import (
+    WASHOUT,
+    Predictor,
+    baselines,
+    inputs_of,
+    linear,
+    network,
+    pairs,
+    ranges,
+    sequences,
+)
+from targets.errors import TrainingError
+from targets.narx import measures
+from targets.narx.network import Narx
+from targets.narx.sequences import Sequences
+from targets.narx.settings import Settings, recipe_of, relative_suits
+from targets.narx.train import train
+
+Tell = Callable[[str], None]
+
+
+def ridden(laps: Laps) -> list[Lap]:
+    """The simulated laps of a plan."""
+    route, machine = load_route(laps.route), load_motorcycle(laps.motorcycle)
+    return [ride(route, machine, seed) for seed in range(laps.seed, laps.seed + laps.count)]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One network of the grid: what it is, and its Er in percent on training and test laps.
+
+    An Er of infinity is a free run that diverged, on any lap: such a network does not pass.
+    """
+
+    neurons: int
+    delays: int
+    seed: int
+    training_percent: float
+    test_percent: float
+
+    def passes(self, percent: float) -> bool:
+        """Whether it is accepted as Table III.2 accepts."""
+        return max(self.training_percent, self.test_percent) < percent
+
+
+def cells(plan: NarxGrid) -> list[tuple[int, int, int]]:
+    """(N, d_in, seed) of every network of the grid, in the order of the table."""
+    return [(n, d, seed) for n in plan.neurons for d in plan.delays for seed in plan.seeds]
+
+
+def grid(
+    plan: NarxGrid, wanted: Sequence[tuple[int, int, int]], workers: int, tell: Callable[[Cell], None]
+) -> Iterable[Cell]:
+    """Train the networks `wanted` of the grid; yields them in that order, tell is called with each."""
+    sensors = load_sensors(plan.sensors)
+    training, test = (sequences(ridden(laps), sensors) for laps in (plan.training, plan.test))
+    work = partial(_cell, plan=plan, training=training, test=test)
+    for cell in pool.results(work, wanted, workers):
+        tell(cell)
+        yield cell
+
+
+def _cell(which: tuple[int, int, int], plan: NarxGrid, training: Sequences, test: Sequences) -> Cell:
+    import torch
+
+    torch.set_num_threads(1)  # as many networks as cores: more threads would only wait for each other
+    neurons, delays, seed = which
+    stages = recipe_of(plan.recipe)["screening"]
+    settings = Settings(
+        neurons=neurons,
+        delays=delays,
+        seeds=(seed,),
+        screening=tuple(
+            replace(stage, samples=plan.samples, iterations=min(stage.iterations, plan.iterations))
+            for stage in stages
+        ),
+        refinement=(),
+    )
+    try:
+        found = train(training, settings).network.rounded()
+    except TrainingError:  # its free run diverges
+        return Cell(neurons, delays, seed, np.inf, np.inf)
+    return Cell(neurons, delays, seed, _er(found, training), _er(found, test))
+
+
+def _er(narx: Narx, data: Sequences) -> float:
+    runs = pairs(network("", narx, data), data)
+    predicted, measured = (
+        np.concatenate([values[WASHOUT:] for values in column]) for column in zip(*runs, strict=True)
+    )
+    error = measures.relative_error(predicted, measured)
+    return error if np.isfinite(error) else float("inf")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Predictors on runs, and where the runs are from."""
+
+    predictors: tuple[Predictor, ...]
+    data: Sequences
+    sources: tuple[str, ...]
+
+
+def performance(plan: NarxPerformance, narx: Narx, test: Sequence[Lap] | None, tell: Tell) -> Measured:
+    """`narx` on unseen laps, the plan's or `test`, beside the half-car sensor and the best constant."""
+    tell("riding the training laps")
+    sensors, machine = load_sensors(plan.sensors), load_motorcycle(plan.training.motorcycle)
+    inputs = tuple(dict.fromkeys((*narx.inputs, "fork_stroke_mm", "pitch_rate_dps")))
+    training = sequences(ridden(plan.training), sensors, inputs)
+    tell("riding the test laps")
+    laps = list(test) if test else ridden(plan.test)
+    data = sequences(laps, sensors, inputs)
+    own = replace(
+        data,
+        inputs=narx.inputs,
+        runs=tuple((u[:, [inputs.index(name) for name in narx.inputs]], y) for u, y in data.runs),
+    )
+    predictors = (network("NARX network", narx, own), *baselines(training, data, machine))
+    return Measured(predictors, data, tuple(lap.source for lap in laps))
+
+
+def leave_one_out(
+    plan: NarxLeaveOneOut, laps: Sequence[Lap], sensors_name: str, workers: int, tell: Tell
+) -> Measured:
+    """Every lap predicted by a network trained on all others, and by a linear filter fitted to them."""
+    if len(laps) < 3:
+        raise TrainingError(f"leave one out takes at least 3 laps, there are {len(laps)}")
+    data = sequences(laps, load_sensors(sensors_name), inputs_of(laps, None))
+    work = partial(_left_out, plan=plan, data=data)
+    folds = []
+    for k, fold in enumerate(pool.results(work, range(len(laps)), workers)):
+        folds.append(fold)
+        tell(f"{laps[k].source} left out")
+    joined = tuple(
+        Predictor(parts[0].name, tuple(part.predictions[0] for part in parts))
+        for parts in zip(*folds, strict=True)
+    )
+    return Measured(joined, data, tuple(lap.source for lap in laps))
+
+
+def _left_out(k: int, plan: NarxLeaveOneOut, data: Sequences) -> list[Predictor]:
+    import torch
+
+    torch.set_num_threads(1)
+    others = replace(data, runs=(*data.runs[:k], *data.runs[k + 1 :]))
+    one = _one(data, k)
+    every = ranges()
+    settings: dict[str, Any] = recipe_of("parallel")
+    narx = train(
+        others,
+        Settings(
+            neurons=plan.neurons,
+            delays=plan.delays,
+            seeds=tuple(plan.seeds),
+            ranges=every,
+            relative=relative_suits(others, every[data.output]),
+            **settings,
+        ),
+    ).network
+    return [
+        network(f"NARX network, N = {plan.neurons}, d = {plan.delays}", narx, one),
+        linear(others, one, plan.delays),
+        *baselines(others, one, None),
+    ]
+
+
+def _one(data: Sequences, k: int) -> Sequences:
+    return replace(data, runs=(data.runs[k],))
