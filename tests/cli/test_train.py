@@ -105,3 +105,88 @@ def test_without_torch(refused, laps, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     line = refused("train", "narx", "--laps", laps, "--out", tmp_path / "model.json", *SMALL)
     assert "pip install 'strokebench[train]'" in line
+
+
+def test_unseen_laps_and_baselines(bench, laps, few_iterations, tmp_path):
+    """With --test the table and the report hold the network's figures on other laps beside the baselines'."""
+    out, report = tmp_path / "m.json", tmp_path / "r.json"
+    ended = bench("train", "narx", "--laps", laps, "--out", out, "--test", laps, "--json", report, *SMALL)
+    assert ended.code == 0, ended.err
+    assert list(json.loads(report.read_text())["test"]) == ["network", "half-car, fitted", "best constant"]
+    assert "half-car, fitted" in ended.out
+
+
+def test_recipe_and_preparation_are_chosen(bench, laps, few_iterations, tmp_path):
+    """--edit, --antialias, --shift and --inputs reach the training, and what was edited is said."""
+    ended = bench(
+        "train", "narx", "--laps", laps, "--out", tmp_path / "m.json", *SMALL,
+        "--edit", "--antialias", "--shift", 5, "--inputs", "fork_stroke_mm",
+    )  # fmt: skip
+    assert ended.code == 0, ended.err
+    assert "edited: " in ended.out
+    network = load(tmp_path / "m.json").network
+    assert (network.inputs, network.shift) == (("fork_stroke_mm",), 5)
+
+
+def test_interrupted_training_is_taken_up_again(bench, laps, few_iterations, tmp_path, monkeypatch):
+    """Ctrl-C leaves the best network so far and a state, from which --resume ends where it would have."""
+    from targets.narx import train as room
+
+    whole = tmp_path / "whole.json"
+    assert bench("train", "narx", "--laps", laps, "--out", whole, *SMALL).code == 0
+    descend, calls = room.descend, []
+
+    def stopped(problem, theta):
+        calls.append(theta)
+        for k, iterate in enumerate(descend(problem, theta)):
+            if len(calls) == 2 and k == 2:
+                raise KeyboardInterrupt
+            yield iterate
+
+    monkeypatch.setattr(room, "descend", stopped)
+    out = tmp_path / "m.json"
+    ended = bench("train", "narx", "--laps", laps, "--out", out, *SMALL)
+    assert "interrupted: the best network so far was kept" in ended.out
+    assert load(out).provenance["interrupted"]
+    monkeypatch.setattr(room, "descend", descend)
+    assert bench("train", "narx", "--laps", laps, "--out", out, "--resume", *SMALL).code == 0
+    assert load(out).checksum == load(whole).checksum
+    assert not (tmp_path / "m.json.part").exists()
+
+
+def test_a_better_result_is_not_overwritten(bench, laps, few_iterations, tmp_path):
+    """A worse network for the same laps goes to a file beside the better one, with exit code 1."""
+    out = tmp_path / "m.json"
+    assert (
+        bench("train", "narx", "--laps", laps, "--out", out, "--neurons", 4, "--delay", 4, "--seeds", 1).code
+        == 0
+    )
+    kept = out.read_bytes()
+    ended = bench("train", "narx", "--laps", laps, "--out", out, "--neurons", 1, "--delay", 1, "--seeds", 1)
+    assert ended.code == 1
+    assert "was better on these laps and is kept" in ended.err
+    assert out.read_bytes() == kept
+    assert load(tmp_path / "m.worse.json").network.neurons == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--recipe", "hope"), "unknown recipe 'hope'; the known ones are parallel, series-parallel"),
+        (("--inputs", "fork_stroke_mm,rear_stroke_mm"), "input 'rear_stroke_mm' is none of"),
+        (("--inputs", "temperature"), "missing temperature, needed by training"),
+        (("--resume",), "model.json.part: nothing to resume"),
+        (("--sensors", "magic"), "sensors 'magic' are neither datasheet, ideal nor a .toml file"),
+    ],
+)
+def test_more_unusable_settings(refused, laps, tmp_path, words, says):
+    """Recipes, inputs, sensors and states that are not there are refused in one line."""
+    line = refused("train", "narx", "--laps", laps, "--out", tmp_path / "model.json", *SMALL, *words)
+    assert says in line
+
+
+def test_a_damaged_state_is_refused(refused, laps, tmp_path):
+    """A state that is no JSON is refused by name."""
+    (tmp_path / "model.json.part").write_text("{")
+    line = refused("train", "narx", "--laps", laps, "--out", tmp_path / "model.json", "--resume", *SMALL)
+    assert "model.json.part: not the state of a training" in line
