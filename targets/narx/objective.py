@@ -5,9 +5,7 @@ Never: a decision on what to do with them.
 """
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,7 +13,9 @@ from numpy.typing import NDArray
 
 from targets.errors import TrainingError
 from targets.narx.jacobian import rows, unpacked
+from targets.narx.paired import Paired
 from targets.narx.recursion import forward, packed
+from targets.narx.threads import mapping
 
 Floats = NDArray[np.float64]
 
@@ -23,8 +23,8 @@ BLOCK_ROWS = 6144
 """Jacobian rows held at once: 15 MiB of float32 at 631 weights, past which products gain no speed."""
 STEPS = 512
 """Most samples a segment advances per block, so that many segments share one."""
-PANELS = 4
-"""Column panels of the symmetric product: of its 16 blocks, 6 are left out as mirror images."""
+PANEL = 128
+"""Columns of a panel of the symmetric product, whose mirror images are left out; whole vectors are faster."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +90,10 @@ class Objective:
         self.dtype = self.torch.float32 if single else self.torch.float64
         self.scale = 1.0 / float(np.sum(segments.weight**2))
         self.threads = int(self.torch.get_num_threads())
+        s = segments
+        self.paired = (
+            None if closed else Paired(s.v, s.measured, s.weight, s.start, neurons, device, self.dtype)
+        )
 
     def cost(self, theta: Floats) -> float:
         """Return the objective at theta (P,)."""
@@ -105,24 +109,28 @@ class Objective:
         def run(k: int) -> None:
             forward(*network, s.v[k], s.start[k], self.closed, s.measured[k], y[k])
 
-        with ThreadPoolExecutor(self.threads) as pool:
-            list(pool.map(run, range(len(y))))
+        with mapping(self.threads) as each:
+            list(each(run, range(len(y))))
         return s.weight * (y - s.measured)
 
     def normal(self, theta: Floats) -> tuple[Any, Any]:
         """Gauss-Newton matrix (P, P) and half gradient (P,) at theta: float64 tensors on the device."""
-        torch = self.torch
         P = theta.size
-        total = torch.zeros(P + 1, P + 1, dtype=torch.float64, device=self.device)
-        edges = [round((P + 1) * k / PANELS) for k in range(PANELS + 1)]
-        for block in self._blocks(theta):
-            J = block.to(self.device)
-            for lo, hi in pairwise(edges):
-                total[lo:, lo:hi] += J[:, lo:].T @ J[:, lo:hi]
-        total = (total.tril() + total.tril(-1).T) * self.scale
-        point = torch.from_numpy(theta).to(self.device)
+        total = (self.paired.gram(theta, self.threads) if self.paired else self._gram(theta)) * self.scale
+        point = self.torch.from_numpy(theta).to(self.device)
         total[:P, :P].diagonal().add_(self.decay)
         return total[:P, :P], total[:P, P] + self.decay * point
+
+    def _gram(self, theta: Floats) -> Any:
+        """[J, e]'[J, e] (P + 1, P + 1) of the parallel form, by panels of columns."""
+        size = theta.size + 1
+        total = self.torch.zeros(size, size, dtype=self.torch.float64, device=self.device)
+        for block in self._blocks(theta):
+            J = block.to(self.device)
+            for begin in range(0, size, PANEL):
+                panel = slice(begin, begin + PANEL)
+                total[begin:, panel] += J[:, begin:].T @ J[:, panel]
+        return total.tril() + total.tril(-1).T
 
     def _blocks(self, theta: Floats) -> Iterator[Any]:
         """Yield Jacobian blocks (rows, P + 1), the weighted error in the last column."""
@@ -132,21 +140,21 @@ class Objective:
         d = s.start.shape[1]
         W1, b1, w2, b2 = unpacked(theta, self.neurons)
         network = (*packed(W1, b1, w2), b2)
-        steps = min(length, STEPS)
+        steps = -(-length // -(-length // STEPS))  # equal shares, so that few rows are past the end
         group = min(count, max(1, BLOCK_ROWS // steps))
         # torch allocates it: aligned memory gives products that repeat bit for bit
         block = torch.empty(group, steps, theta.size + 1, dtype=self.dtype)
         out = block.numpy()
-        with ThreadPoolExecutor(self.threads) as pool:
+        with mapping(self.threads) as each:
             for first in range(0, count, group):
                 which = range(first, min(first + group, count))
                 states = [(s.start[k].copy(), np.zeros((d, theta.size), out.dtype)) for k in which]
                 for begin in range(0, length, steps):
                     work = [
-                        (s.v[k], s.measured[k], s.weight[k], self.closed, begin, *state, into)
+                        (s.v[k], s.measured[k], s.weight[k], begin, *state, into)
                         for k, state, into in zip(which, states, out, strict=False)
                     ]
-                    list(pool.map(lambda args: rows(*network, self.neurons, *args), work))
+                    list(each(lambda args: rows(*network, self.neurons, *args), work))
                     yield block[: len(work)].reshape(-1, theta.size + 1)
 
 

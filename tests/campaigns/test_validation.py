@@ -24,7 +24,7 @@ def test_firmware_predicts_what_torch_does(role):
 
 
 def test_a_wrong_weight_shows(monkeypatch):
-    """A reference whose bias differs by a thousandth shows: the free run deviates by far more than rounding."""
+    """A reference whose bias differs by a thousandth shows: the free run deviates by more than rounding."""
 
     def spoiled(narx, u):
         return parallel(dataclasses.replace(narx, b2=narx.b2 + 1e-3), u)

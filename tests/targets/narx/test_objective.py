@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from targets.narx import objective as module
 from targets.narx.objective import Objective, cut
 
 N, D = 2, 3
@@ -64,17 +65,28 @@ def test_matrix(closed):
     assert np.allclose(H.numpy(), J.T @ J + 0.01 * np.eye(P), rtol=1e-5, atol=1e-8)
 
 
-def test_single_precision_and_long_blocks():
+def test_panels(monkeypatch):
+    """Multiplied in panels of columns, of which the last is narrower, the matrix is the same."""
+    problem = objective(closed=True)
+    at_once = problem.normal(point())
+    monkeypatch.setattr(module, "PANEL", 5)
+    for a, b in zip(at_once, problem.normal(point()), strict=True):
+        assert np.allclose(a, b, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_single_precision_and_long_blocks(closed):
     """Blocks in float32, over segments longer than a block, give the matrix of float64 within rounding."""
     data = runs((1300, 700))
     segments = cut(data, D, 0.1, 4, 1300)
-    exact, single = (Objective(segments, N, True, 0.0, "cpu", s).normal(point()) for s in (False, True))
+    exact, single = (Objective(segments, N, closed, 0.0, "cpu", s).normal(point()) for s in (False, True))
     for a, b in zip(exact, single, strict=True):
         assert float((a - b).abs().max()) < 1e-5 * float(a.abs().max())
 
 
-def test_repeats():
+@pytest.mark.parametrize("closed", [True, False])
+def test_repeats(closed):
     """The same theta gives the same bytes of matrix and gradient."""
-    problem = objective(single=True)
+    problem = objective(closed, single=True)
     first, second = (problem.normal(point()) for _ in range(2))
     assert all(a.numpy().tobytes() == b.numpy().tobytes() for a, b in zip(first, second, strict=True))
