@@ -54,6 +54,8 @@ CHECKS: tuple[tuple[str, Callable[[], str], str], ...] = (
     ("live CAN interface", _vcan, "ip link add dev vcan0 type vcan && ip link set up vcan0, as root"),
     ("training (torch)", lambda: _package("torch"), "pip install 'strokebench[train]'"),
     (".mf4 recordings (asammdf)", lambda: _package("asammdf"), "pip install 'strokebench[mdf]'"),
+    ("MAVLink .tlog (pymavlink)", lambda: _package("pymavlink"), "pip install 'strokebench[mavlink]'"),
+    ("HTML pages (plotly)", lambda: _package("plotly"), "pip install 'strokebench[report]'"),
     ("building firmware", _tool("arm-none-eabi-gcc"), "apt-get install gcc-arm-none-eabi"),
 )
 
