@@ -138,12 +138,6 @@ def edited(
     return Edited(tuple(given), replaced, len(every), median, deviation)
 
 
-def edit_outliers(values: Floats, sigmas: float = 3.0) -> tuple[Floats, float]:
-    """`edited` for a channel of one run (T,): the edited copy and the share of values replaced."""
-    result = edited([values], sigmas)
-    return result.runs[0], result.share
-
-
 def shifted(u: Floats, y: Floats, samples: int) -> tuple[Floats, Floats]:
     """Pair the inputs u (T, n_u) at t with the output y (T,) at t + samples; both lose `samples` rows.
 

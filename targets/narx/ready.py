@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from targets.errors import TrainingError
 from targets.narx.objective import Segments, cut
-from targets.narx.prepare import edit_outliers, normalised, shifted
+from targets.narx.prepare import edited, normalised, shifted
 from targets.narx.sequences import Sequences
 from targets.narx.settings import Settings
 
@@ -66,12 +66,11 @@ class Ready:
 
     def _edit(self, runs: tuple[Run, ...]) -> list[Run]:
         """Edit the outliers of each channel over all runs: one median and deviation for all of them."""
-        ends = np.cumsum([len(y) for _, y in runs])[:-1]
         columns = []
         for j, name in enumerate(self.names):
-            column = np.concatenate([(*u.T, y)[j] for u, y in runs])
-            column, self.edited[name] = edit_outliers(column)
-            columns.append(np.split(column, ends))
+            result = edited([(*u.T, y)[j] for u, y in runs], name=name)
+            self.edited[name] = result.share
+            columns.append(result.runs)
         return [(np.stack(pieces[:-1], axis=1), pieces[-1]) for pieces in zip(*columns, strict=True)]
 
 

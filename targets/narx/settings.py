@@ -88,7 +88,7 @@ class Settings:
     by their free run in the parallel form, and by the latter choose the seed.
     patience: iterations of a stage without a better judgement before it ends.
     initial: what the fed-back delay line starts from; None: the median of the output.
-    edit: apply `prepare.edit_outliers` to every channel first.
+    edit: apply `prepare.edited` to every channel first.
     device: where matrices are multiplied, "cpu" or "cuda". single: their blocks in float32.
     Raises TrainingError for a value out of range.
     """

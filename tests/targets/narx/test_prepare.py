@@ -7,7 +7,6 @@ from hypothesis.extra.numpy import arrays
 from targets.errors import TrainingError
 from targets.narx.prepare import (
     RANGES,
-    edit_outliers,
     edited,
     normalised,
     observed_range,
@@ -47,10 +46,10 @@ def test_edit_takes_a_spike():
     values = np.sin(np.arange(100.0))
     spoiled = values.copy()
     spoiled[50] = 40.0
-    edited, share = edit_outliers(spoiled)
-    assert share == pytest.approx(0.01)
-    assert edited[50] == pytest.approx((values[49] + values[51]) / 2)
-    assert np.array_equal(np.delete(edited, 50), np.delete(values, 50))
+    result = edited([spoiled])
+    assert result.share == pytest.approx(0.01)
+    assert result.runs[0][50] == pytest.approx((values[49] + values[51]) / 2)
+    assert np.array_equal(np.delete(result.runs[0], 50), np.delete(values, 50))
     assert spoiled[50] == 40.0
 
 
@@ -58,9 +57,9 @@ def test_edit_leaves_a_resting_channel():
     """A channel that mostly rests has no deviation to judge by and stays as it is."""
     values = np.zeros(100)
     values[10:20] = 5.0
-    edited, share = edit_outliers(values)
-    assert share == 0.0
-    assert np.array_equal(edited, values)
+    result = edited([values])
+    assert result.share == 0.0
+    assert np.array_equal(result.runs[0], values)
 
 
 def test_edit_by_hand():
