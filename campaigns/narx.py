@@ -63,8 +63,8 @@ class Cell:
 
 
 def cells(plan: NarxGrid) -> list[tuple[int, int, int]]:
-    """(N, d_in, seed) of every network of the grid, in the order of the table."""
-    return [(n, d, seed) for n in plan.neurons for d in plan.delays for seed in plan.seeds]
+    """(N, d_in, seed) of every network of the grid: the whole table for one seed after the other."""
+    return [(n, d, seed) for seed in plan.seeds for n in plan.neurons for d in plan.delays]
 
 
 def grid(

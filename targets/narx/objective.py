@@ -85,7 +85,7 @@ class Objective:
         self, segments: Segments, neurons: int, closed: bool, decay: float, device: str, single: bool
     ) -> None:
         self.torch = load_torch(device)
-        self.segments, self.neurons, self.closed, self.decay = segments, neurons, closed, decay
+        self.segments, self.neurons, self.decay = segments, neurons, decay
         self.device = device
         self.dtype = self.torch.float32 if single else self.torch.float64
         self.scale = 1.0 / float(np.sum(segments.weight**2))
@@ -100,14 +100,16 @@ class Objective:
         return float(self.scale * np.sum(self.errors(theta) ** 2) + self.decay * theta @ theta)
 
     def errors(self, theta: Floats) -> Floats:
-        """Weighted errors (B, L) of theta, in normalised units."""
+        """Weighted errors of theta, in normalised units, of at least what has a weight."""
+        if self.paired:
+            return self.paired.errors(theta, self.threads)
         W1, b1, w2, b2 = unpacked(theta, self.neurons)
         network = (*packed(W1, b1, w2), b2)
         s = self.segments
         y = np.empty_like(s.measured)
 
         def run(k: int) -> None:
-            forward(*network, s.v[k], s.start[k], self.closed, s.measured[k], y[k])
+            forward(*network, s.v[k], s.start[k], True, s.measured[k], y[k])
 
         with mapping(self.threads) as each:
             list(each(run, range(len(y))))

@@ -63,6 +63,14 @@ class Paired:
         self.shapes = ((pairs, pairs_x), (n, neurons * (neurons + 2)), (neurons + 2, neurons + 2))
         self.places = torch.from_numpy(_places(neurons, self.shapes)).to(device)
 
+    def errors(self, theta: Floats, threads: int) -> Floats:
+        """Weighted errors of theta (P,), of the samples that have a weight."""
+        work = (*unpacked(theta, self.neurons), self.delays, self.past)
+        errors = np.empty(self.at.shape)
+        with mapping(threads) as each:
+            list(each(lambda at, error: network(*work, at, error), self.at, errors))
+        return errors * self.weight
+
     def gram(self, theta: Floats, threads: int) -> Any:
         """[J, e]'[J, e] (P + 1, P + 1) of weighted Jacobian and errors at theta (P,), float64."""
         import torch
@@ -70,12 +78,12 @@ class Paired:
         # torch allocates them: aligned memory gives products that repeat bit for bit
         rooms = [[torch.zeros(size, ROWS, dtype=self.dtype) for size in self.sizes] for _ in range(threads)]
         views = [[products.numpy() for products in room] for room in rooms]
-        network = (*unpacked(theta, self.neurons), self.delays, self.past)
+        work = (*unpacked(theta, self.neurons), self.delays, self.past)
         sums = [torch.zeros(shape, dtype=torch.float64, device=self.device) for shape in self.shapes]
         with mapping(threads) as each:
             for k in range(0, len(self.at), threads):
                 blocks = zip(self.at[k : k + threads], self.weight[k : k + threads], views, strict=False)
-                filled = list(each(lambda block: fill(*network, *block[:2], *block[2]), blocks))
+                filled = list(each(lambda block: fill(*work, *block[:2], *block[2]), blocks))
                 for room, _ in zip(rooms, filled, strict=False):
                     deltas, mixed, z, xs = (products.to(self.device) for products in room)
                     sums[0] += deltas @ xs.T
@@ -125,46 +133,62 @@ def pair(rows, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def fill(W1, b1, w2, b2, d, past, at, weight, deltas, mixed, z, xs):  # type: ignore[no-untyped-def]
-    """Write the pairs of the samples at indices `at` (R,) of `past` (n_u + 1, T), the output last.
+def network(W1, b1, w2, b2, d, past, at, error):  # type: ignore[no-untyped-def]
+    """Write the errors of the samples at indices `at` (R,) of `past` (n_u + 1, T), the output last.
 
-    deltas (N (N + 1) / 2, R), mixed (N (N + 2), R), z (N + 2, R), xs ((n_x + 1) (n_x + 2) / 2 and more, R):
-    w delta_i w delta_k; w delta_i w z_k; w z; x'_j x'_k, of which the first n_x + 1 are x'.
-    Unlike in a closed loop, samples can stand side by side: every loop here runs over them.
+    Returns x (n_x, R) and a (N, R). Unlike in a closed loop, samples can stand side by side: every loop here
+    runs over them.
     """
     N, n_x = W1.shape
     R = at.shape[0]
     x = np.empty((n_x, R))
-    one_x = np.ones((n_x + 1, R), xs.dtype)
     for j in range(n_x):
         for r in range(R):
             x[j, r] = past[j // d, at[r] - 1 - j % d]
-        one_x[j + 1] = x[j]
-    error = np.empty(R)
     for r in range(R):
         error[r] = b2 - past[-1, at[r]]
-    a = np.empty(R)
-    delta = np.empty((N, R), deltas.dtype)
+    a = np.empty((N, R))
+    whole = n_x // 4 * 4
     for i in range(N):
         # a = tanh(W1 x + b1), by four as in `recursion.layer`
-        a[:] = b1[i]
-        whole = n_x // 4 * 4
+        a_i = a[i]
+        a_i[:] = b1[i]
         for j in range(0, whole, 4):
             for r in range(R):
-                a[r] += (W1[i, j] * x[j, r] + W1[i, j + 1] * x[j + 1, r]) + (
+                a_i[r] += (W1[i, j] * x[j, r] + W1[i, j + 1] * x[j + 1, r]) + (
                     W1[i, j + 2] * x[j + 2, r] + W1[i, j + 3] * x[j + 3, r]
                 )
         for j in range(whole, n_x):
             for r in range(R):
-                a[r] += W1[i, j] * x[j, r]
-        tanh_all(a)
+                a_i[r] += W1[i, j] * x[j, r]
+        tanh_all(a_i)
+        # y = w2 . a + b2
         for r in range(R):
-            error[r] += w2[i] * a[r]
-            delta[i, r] = weight[r] * (w2[i] * (1.0 - a[r] * a[r]))
-            z[i, r] = weight[r] * a[r]
+            error[r] += w2[i] * a_i[r]
+    return x, a
+
+
+@njit(cache=True, nogil=True)
+def fill(W1, b1, w2, b2, d, past, at, weight, deltas, mixed, z, xs):  # type: ignore[no-untyped-def]
+    """Write the pairs of the samples at indices `at` (R,), of `weight` (R,).
+
+    deltas (N (N + 1) / 2, R), mixed (N (N + 2), R), z (N + 2, R), xs ((n_x + 1) (n_x + 2) / 2 and more, R):
+    w delta_i w delta_k; w delta_i w z_k; w z; x'_j x'_k, of which the first n_x + 1 are x'.
+    """
+    R = at.shape[0]
+    error = np.empty(R)
+    x, a = network(W1, b1, w2, b2, d, past, at, error)
+    N, n_x = W1.shape
+    delta = np.empty((N, R), deltas.dtype)
+    for i in range(N):
+        for r in range(R):
+            delta[i, r] = weight[r] * (w2[i] * (1.0 - a[i, r] * a[i, r]))
+            z[i, r] = weight[r] * a[i, r]
     for r in range(R):
         z[N, r] = weight[r]
         z[N + 1, r] = weight[r] * error[r]
+    one_x = np.ones((n_x + 1, R), xs.dtype)
+    one_x[1:] = x
     pair(delta, deltas)
     for i in range(N):
         scale(delta[i], z, mixed[i * (N + 2) : (i + 1) * (N + 2)])

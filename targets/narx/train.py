@@ -90,6 +90,9 @@ class TrainingResult(NamedTuple):
     report: Report
 
 
+WORSE = 1.25
+"""A network this much worse than a constant on any run is caught in a wrong rest position there."""
+
 State = dict[str, Any]
 """Where a training stands, as plain numbers and strings: what `train` hands out and takes up again."""
 
@@ -110,7 +113,7 @@ def train(
     bytes as a training that was never interrupted.
     Raises TrainingError for data that cannot be trained on, for a state of other data or settings, and if no
     seed gave a network whose free run stays, on every run, within the output's range (half of it beyond at
-    most) and better than a constant.
+    most) and is better than a constant over all of them, and clearly worse on none.
     """
     job = _Job(data, settings or Settings(), progress or (lambda _: None))
     candidates = job.restored(resume) if resume else []
@@ -297,9 +300,16 @@ class _Job:
         pairs = [(network.free_run(u), y) for u, y in (*self.data.training, *self.data.held_out)]
         # comparisons with NaN are false
         inside = all(bool(np.all((yp > lo - margin) & (yp < hi + margin))) for yp, _ in pairs)
-        # Run by run: one that is caught in a wrong rest position would be lost in the mean over all.
-        spread = float(np.std(self._joined(pairs)[1]))
-        return inside and all(measures.rmse(*self._joined([pair])) < spread for pair in pairs)
+        predicted, measured = self._joined(pairs)
+        constant = float(np.mean(measured))
+        better = measures.rmse(predicted, measured) < float(np.std(measured))
+        # Run by run, too: one that is caught in a wrong rest position would be lost in the mean over all.
+        return inside and better and all(self._follows(pair, constant) for pair in pairs)
+
+    def _follows(self, pair: Run, constant: float) -> bool:
+        """Whether a run is not predicted clearly worse than by the constant of all runs."""
+        yp, yt = self._joined([pair])
+        return measures.rmse(yp, yt) < WORSE * measures.rmse(np.full_like(yt, constant), yt)
 
     def quality(self, network: Narx, runs: list[Run]) -> Quality:
         """Figures of a network's free run over `runs`."""

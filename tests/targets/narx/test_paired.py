@@ -6,6 +6,7 @@ from targets.narx import paired
 from targets.narx.jacobian import unpacked
 from targets.narx.objective import Segments, cut
 from targets.narx.paired import Paired
+from targets.narx.recursion import forward, packed
 
 N, D, INPUTS = 4, 3, 2
 P = N * ((INPUTS + 1) * D + 2) + 1
@@ -23,9 +24,12 @@ def point() -> np.ndarray:
     return np.random.default_rng(1).normal(0.0, 0.5, P)
 
 
+def made_ready(data, dtype=torch.float64) -> Paired:
+    return Paired(data.v, data.measured, data.weight, data.start, N, "cpu", dtype)
+
+
 def gram(data, dtype=torch.float64, threads=1) -> np.ndarray:
-    summed = Paired(data.v, data.measured, data.weight, data.start, N, "cpu", dtype)
-    return summed.gram(point(), threads).numpy()
+    return made_ready(data, dtype).gram(point(), threads).numpy()
 
 
 def explicit(data) -> np.ndarray:
@@ -41,6 +45,19 @@ def explicit(data) -> np.ndarray:
             error = w2 @ a + b2 - measured[t]
             rows.append(w * np.concatenate([np.outer(delta, x).ravel(), delta, a, [1.0, error]]))
     return np.transpose(rows) @ rows
+
+
+def test_errors():
+    """Errors are those of the network on measured outputs, segment by segment, where there is a weight."""
+    data = segments()
+    W1, b1, w2, b2 = unpacked(point(), N)
+    y = np.empty_like(data.measured)
+    for k, v in enumerate(data.v):
+        forward(*packed(W1, b1, w2), b2, v, data.start[k], False, data.measured[k], y[k])
+    expected = (data.weight * (y - data.measured))[data.weight > 0.0]
+    found = made_ready(data).errors(point(), 2).ravel()
+    assert np.allclose(found[: expected.size], expected, rtol=0.0, atol=1e-12)
+    assert not np.any(found[expected.size :])
 
 
 def test_explicit_jacobian():
