@@ -18,6 +18,7 @@ from bench.run import run_lap
 from bench.sensors.datasheets import load_sensors
 from targets.calibration import dumps
 from targets.ecus import ROLES, build
+from targets.host import library
 from tests.conftest import wavy_lap
 
 HERE = Path(__file__).parent
@@ -155,8 +156,9 @@ def test_time_to_detect(ridden):
 
 @EACH
 def test_ecu_says_when_it_is_ready(report, role):
-    """The ECU's first line says on which bus it lives."""
-    assert report[role]["ready"] == f"ecu {role} on socketcan:vcan0, running on mcu; Ctrl-C ends it\n"
+    """The ECU's first line says on which bus it lives, and where it runs."""
+    on = "host" if library() else "mcu"
+    assert report[role]["ready"] == f"ecu {role} on socketcan:vcan0, running on {on}; Ctrl-C ends it\n"
 
 
 def test_signals_end_the_ecu(report):
