@@ -107,7 +107,8 @@ def document(run: Run) -> dict[str, Any]:
             }
             for i in run.insertions
         ],
-        "alarms_s": [[_s(on), _s(off)] for on, off in watch.alarms_ns],
+        "named": verdict.named,
+        "alarms_s": [[_s(alarm.on_ns), _s(alarm.off_ns)] for alarm in watch.alarms],
         "input_cycles": watch.cycles,
         "answers": watch.answered,
         "step_cycles": {"min": min(cycles), "mean": sum(cycles) / len(cycles), "max": max(cycles)}

@@ -1,7 +1,8 @@
 """The verdict on one run: what was detected, when, and whether the run counts at all. Pure.
 
 Outcomes and instants as the field uses them: CD correct detection, MD missed, FA false alarm (section V.3),
-ID a detection that names the wrong sensor, INVALID a run that proves nothing, OK no fault and no alarm.
+ID a detection that names the wrong sensor or kind, INVALID a run that proves nothing, OK no fault and no
+alarm.
 """
 
 from collections.abc import Sequence
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from bench.faults.insertion import Insertion
-from bench.watch import Watch
+from bench.watch import Alarm, Watch
 
 TD_MAX_NS = 120_000_000_000
 """t_max of section V.3: a detection later than this is a missed one."""
@@ -38,7 +39,8 @@ class Outcome(StrEnum):
 class Verdict:
     """Outcome, its reason in words, and the instants in ns after the lap's start (None: did not happen).
 
-    t_alarm_ns: the first alarm on the bus. t_heal_ns: when that alarm was taken back.
+    t_alarm_ns: the first alarm on the bus. t_heal_ns: when that alarm was taken back. named: the kind of
+    fault that alarm named, None if it named none.
     """
 
     outcome: Outcome
@@ -48,6 +50,7 @@ class Verdict:
     t_obs_ns: int | None = None
     t_alarm_ns: int | None = None
     t_heal_ns: int | None = None
+    named: str | None = None
 
     @property
     def td_ns(self) -> int | None:
@@ -67,23 +70,25 @@ def judge(
 
     With several faults the first to act is the one to detect.
     """
-    t_alarm, t_heal = watch.alarms_ns[0] if watch.alarms_ns else (None, None)
+    alarm = watch.alarms[0] if watch.alarms else None
     first = min(insertions, key=lambda i: (i.t_active_ns is None, i.t_active_ns or 0), default=None)
-    outcome, reason = _outcome(watch, first, t_alarm, failure, td_max_ns)
+    outcome, reason = _outcome(watch, first, alarm, failure, td_max_ns)
     return Verdict(
         outcome,
         reason,
         first.t_cmd_ns if first else None,
         first.t_active_ns if first else None,
         first.t_obs_ns if first else None,
-        t_alarm,
-        t_heal,
+        alarm.on_ns if alarm else None,
+        alarm.off_ns if alarm else None,
+        alarm.kind if alarm else None,
     )
 
 
 def _outcome(
-    watch: Watch, fault: Insertion | None, t_alarm: int | None, failure: str | None, td_max_ns: int
+    watch: Watch, fault: Insertion | None, alarm: Alarm | None, failure: str | None, td_max_ns: int
 ) -> tuple[Outcome, str]:
+    t_alarm = alarm.on_ns if alarm else None
     invalid = failure or _unusable(watch) or _never_acted(fault)
     if invalid:
         return Outcome.INVALID, invalid
@@ -103,6 +108,9 @@ def _outcome(
         return Outcome.MD, f"alarm {_s(late)} after the fault, later than {_s(td_max_ns)}"
     if fault.spec.sensor != MONITORED:
         return Outcome.ID, f"the alarm names {MONITORED}, the fault was on {fault.spec.sensor}"
+    called = fault.spec.called
+    if alarm and alarm.kind and called and alarm.kind != called:
+        return Outcome.ID, f"the alarm {_s(late)} after the fault names {alarm.kind}, it was {called}"
     return Outcome.CD, f"alarm {_s(late)} after the fault acted"
 
 

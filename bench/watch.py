@@ -3,7 +3,9 @@
 Belongs here: the ECU's frames, decoded. Never: whether an alarm was right (verdict), who carries the frames.
 """
 
+import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from bench.codec import Codec
 from targets.ecu import Frame
@@ -14,12 +16,31 @@ TIMING = {"ifd": "IFD_TIMING", "soft_sensor": "SOFT_TIMING"}
 """The DBC messages in which each role answers an input cycle, and says what the step cost."""
 
 
+class Alarm(NamedTuple):
+    """The alarm was up on the bus in [on_ns, off_ns), off_ns None while it lasts.
+
+    kind: the fault it named when it was raised, None if it named none.
+    """
+
+    on_ns: int
+    off_ns: int | None = None
+    kind: str | None = None
+
+
+class Answer(NamedTuple):
+    """One status frame of the ECU that carries a prediction; residual_pct NaN where it has none."""
+
+    t_ns: int
+    predicted_mm: float
+    residual_pct: float
+
+
 @dataclass
 class Watch:
     """Follows an ECU of `role` on the bus, one input cycle after the other.
 
     An answer echoes the cycle's alive count; a cycle not answered when the next one is due is an overrun.
-    alarms_ns: [on, off) instants at which the alarm changed on the bus, off None while it lasts.
+    alarms: every alarm, in order of time. answers: every status frame, in order of time.
     step_cycles: CPU cycles of every step. missed_inputs, overruns: the ECU's own counts, less what they were
     in its first answer: an ECU that has been running for long is not to blame for an earlier run.
     garbled: what was wrong with the first frame of the ECU that could not be read.
@@ -29,7 +50,8 @@ class Watch:
     codec: Codec
     role: str = "ifd"
     answered: int = 0
-    alarms_ns: list[tuple[int, int | None]] = field(default_factory=list)
+    alarms: list[Alarm] = field(default_factory=list)
+    answers: list[Answer] = field(default_factory=list)
     step_cycles: list[int] = field(default_factory=list)
     missed_inputs: int = 0
     overruns: int = 0
@@ -46,6 +68,8 @@ class Watch:
             raise TargetError(f"no ECU {self.role}; there are {', '.join(STATUS)}")
         self._status = self.codec.message(STATUS[self.role])
         self._timing = self.codec.message(TIMING[self.role])
+        kind = self._status.signals.get("kind")
+        self._kinds = {raw: name for raw, name in kind.names.items() if raw} if kind else {}
 
     def cycle(self, t_ns: int) -> str | None:
         """The logger starts its next input cycle at `t_ns`: what was wrong with the last, if anything."""
@@ -77,16 +101,19 @@ class Watch:
         if message is self._status:
             self._alive = int(values["alive"])
             self.answered += 1
-            self._alarm(bool(values.get("alarm", 0)), t_ns)
+            self.answers.append(
+                Answer(t_ns, float(values["predicted_mm"]), float(values.get("residual_pct", math.nan)))
+            )
+            self._alarm(bool(values.get("alarm", 0)), self._kinds.get(int(values.get("kind", 0))), t_ns)
         else:
             self.step_cycles.append(int(values["step_cycles"]))
             counts = int(values["missed_inputs"]), int(values["overruns"])
             before = self._counts_before = self._counts_before or counts
             self.missed_inputs, self.overruns = counts[0] - before[0], counts[1] - before[1]
 
-    def _alarm(self, on: bool, t_ns: int) -> None:
-        raised = bool(self.alarms_ns) and self.alarms_ns[-1][1] is None
+    def _alarm(self, on: bool, kind: str | None, t_ns: int) -> None:
+        raised = bool(self.alarms) and self.alarms[-1].off_ns is None
         if on and not raised:
-            self.alarms_ns.append((t_ns, None))
+            self.alarms.append(Alarm(t_ns, None, kind))
         elif raised and not on:
-            self.alarms_ns[-1] = (self.alarms_ns[-1][0], t_ns)
+            self.alarms[-1] = self.alarms[-1]._replace(off_ns=t_ns)

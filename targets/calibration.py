@@ -13,6 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from dbc import CHANNELS
+from targets.detector import DETECTORS, AnyDetector, Checks, Detector
+from targets.detector import document as detector_document
+from targets.detector import read as read_detector
 from targets.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -22,32 +25,17 @@ if TYPE_CHECKING:
     from targets.narx.network import Narx
 
 FORMAT = "strokebench-calibration"
-VERSION = 1
+VERSION = 2
 MAGIC = 0x4C414353
 ROOM = 16 * 1024
 """Bytes of the flash sector that holds the image."""
 
-MAX_NEURONS, MAX_DELAYS, MAX_INPUTS, MAX_SHIFT, MAX_WINDOW = 32, 16, 7, 15, 128
+MAX_NEURONS, MAX_DELAYS, MAX_INPUTS, MAX_SHIFT = 32, 16, 7, 15
 
 _HEAD = struct.Struct("<12I6f")
+_CHECKS = struct.Struct("<6I8f")
 _INPUT = struct.Struct("<Iff")
 _PREFIX = struct.Struct("<4I")
-
-
-@dataclass(frozen=True)
-class Detector:
-    """Residual generator (V.1) and decision maker (Figure V.8).
-
-    threshold: T, relative. window: L_s, samples. multiple: n. feedback: what the network is fed back with.
-    warmup: steps before the residual is trusted. floor_mm: smallest divisor of the residual, mm.
-    """
-
-    threshold: float = 0.10
-    window: int = 20
-    multiple: int = 5
-    feedback: str = "predicted"
-    warmup: int = 200
-    floor_mm: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -58,7 +46,7 @@ class Calibration:
     """
 
     network: "Narx"
-    detector: Detector = field(default_factory=Detector)
+    detector: AnyDetector = field(default_factory=Detector)
     provenance: dict[str, Any] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
@@ -67,11 +55,6 @@ class Calibration:
         _bound("delays", d, 1, MAX_DELAYS)
         _bound("inputs", len(self.network.inputs), 1, MAX_INPUTS)
         _bound("shift", self.network.shift, 0, MAX_SHIFT)
-        _bound("window", self.detector.window, 1, MAX_WINDOW)
-        _bound("multiple", self.detector.multiple, 1, 10_000)
-        _bound("warmup", self.detector.warmup, 0, 1_000_000)
-        _bound("threshold", self.detector.threshold, 0.0, 1e6)
-        _bound("floor_mm", self.detector.floor_mm, 1e-6, 1e3)
         for name in self.network.inputs:
             if name not in CHANNELS:
                 raise CalibrationError(f"unknown input {name!r}; the ECU knows {', '.join(CHANNELS)}")
@@ -85,8 +68,6 @@ class Calibration:
             _bound(f"range of {name!r}: high end", high, -1e6, 1e6)
             _bound(f"range of {name!r}: width", high - low, 1e-6, 2e6)
         _bound("initial_mm", self.network.initial_mm, -1e6, 1e6)
-        if self.detector.feedback not in ("predicted", "measured"):
-            raise CalibrationError(f"feedback {self.detector.feedback!r} is neither predicted nor measured")
         if self.detector.feedback == "measured" and self.network.shift:
             raise CalibrationError(
                 f"feedback measured with shift {self.network.shift}: the stroke {self.network.shift} samples "
@@ -100,7 +81,10 @@ class Calibration:
         """The bytes in flash, checksum included."""
         import numpy as np
 
-        net, det = self.network, self.detector
+        net = self.network
+        chosen = self.detector
+        det = chosen if isinstance(chosen, Detector) else Detector()
+        checks = chosen if isinstance(chosen, Checks) else Checks()
         n, n_x = net.W1.shape
         stride = (n_x + 3) & ~3
         rows = np.zeros((n, stride + 1), dtype="<f4")
@@ -113,7 +97,7 @@ class Calibration:
             _INPUT.pack(CHANNELS.index(name), (b + a) / 2, 2 / (b - a))
             for name, (a, b) in zip(net.inputs, net.input_ranges, strict=True)
         ).ljust(MAX_INPUTS * _INPUT.size, b"\0")
-        size = _HEAD.size + len(inputs) + 4 + len(weights)
+        size = _HEAD.size + _CHECKS.size + len(inputs) + 4 + len(weights)
         head = _HEAD.pack(
             MAGIC,
             VERSION,
@@ -122,11 +106,11 @@ class Calibration:
             n,
             net.delays,
             len(net.inputs),
-            int(det.feedback == "measured"),
+            int(chosen.feedback == "measured"),
             net.shift,
             det.window,
             det.multiple,
-            det.warmup,
+            chosen.warmup,
             det.threshold,
             det.floor_mm,
             net.initial_mm,
@@ -134,7 +118,23 @@ class Calibration:
             offset,
             scale,
         )
-        body = head[_PREFIX.size :] + inputs + struct.pack("<f", net.b2) + weights
+        second = _CHECKS.pack(
+            list(DETECTORS).index(chosen.TYPE),
+            checks.rail_steps,
+            checks.repeat_steps,
+            checks.hold_window,
+            checks.loss_window,
+            checks.heal_steps,
+            checks.rail_low_mm,
+            checks.rail_high_mm,
+            checks.rail_gap_mm,
+            checks.repeat_motion_mm,
+            checks.hold_ratio,
+            checks.still_mm,
+            checks.loss_threshold,
+            checks.loss_floor_mm,
+        )
+        body = head[_PREFIX.size :] + second + inputs + struct.pack("<f", net.b2) + weights
         return _PREFIX.pack(MAGIC, VERSION, size, zlib.crc32(body)) + body
 
     @property
@@ -143,13 +143,13 @@ class Calibration:
         return f"{_PREFIX.unpack_from(self.image())[3]:08x}"
 
     def with_detector(self, **changes: Any) -> "Calibration":
-        """The same network with other detector settings."""
+        """The same network and detector with other settings of it."""
         return replace(self, detector=replace(self.detector, **changes))
 
 
 def dumps(calibration: Calibration) -> str:
     """The calibration as JSON text; `loads` gives back an equal one."""
-    net, det = calibration.network, calibration.detector
+    net = calibration.network
     document = {
         "format": FORMAT,
         "version": VERSION,
@@ -168,14 +168,7 @@ def dumps(calibration: Calibration) -> str:
             "output_weights": _floats(net.w2),
             "output_bias": _short(net.b2),
         },
-        "detector": {
-            "threshold": det.threshold,
-            "window": det.window,
-            "multiple": det.multiple,
-            "feedback": det.feedback,
-            "warmup": det.warmup,
-            "floor_mm": det.floor_mm,
-        },
+        "detector": detector_document(calibration.detector),
         "provenance": calibration.provenance,
     }
     return json.dumps(document, indent=1) + "\n"
@@ -219,7 +212,6 @@ def _build(document: dict[str, Any]) -> Calibration:
     from targets.narx.network import Narx
 
     net = _get(document, "network", dict)
-    det = _get(document, "detector", dict)
     inputs = _get(net, "inputs", list)
     names, spans = [], []
     for entry in inputs:
@@ -260,14 +252,7 @@ def _build(document: dict[str, Any]) -> Calibration:
         b2=_number(net, "output_bias"),
         initial_mm=_number(net, "initial_mm"),
     )
-    detector = Detector(
-        threshold=_number(det, "threshold"),
-        window=_integer(det, "window"),
-        multiple=_integer(det, "multiple"),
-        feedback=_get(det, "feedback", str),
-        warmup=_integer(det, "warmup"),
-        floor_mm=_number(det, "floor_mm"),
-    )
+    detector = read_detector(_get(document, "detector", dict))
     provenance = document.get("provenance", {})
     return Calibration(network, detector, provenance if isinstance(provenance, dict) else {})
 

@@ -44,8 +44,16 @@ class FaultSpec:
             raise FaultError(f"{self.sensor}:{self.kind}: duration {self.duration_ns} ns is not positive")
         object.__setattr__(self, "params", _complete(self.kind, self.params))
 
+    @property
+    def called(self) -> str | None:
+        """What an ECU that names the kind of a fault should call this one, None if it has no name for it."""
+        return KINDS[self.kind].called(dict(self.params))
+
     def __str__(self) -> str:
-        params = ",".join(f"{name}={_write(value)}" for name, value in self.params)
+        known = KINDS[self.kind].params
+        params = ",".join(
+            f"{name}={_write(value)}" for name, value in self.params if not _left_out(known[name], value)
+        )
         duration = "" if self.duration_ns is None else f"+{_seconds(self.duration_ns)}"
         head = f"{self.sensor}:{self.kind}" + (f":{params}" if params else "")
         return f"{head}@{_seconds(self.t_cmd_ns)}{duration}"
@@ -115,6 +123,10 @@ def _nanoseconds(text: str, what: str, spec: str) -> int:
         )
     whole, fraction = match.groups()
     return int(whole) * 1_000_000_000 + int((fraction or "").ljust(9, "0"))
+
+
+def _left_out(rule: Number | Choice, value: Value) -> bool:
+    return isinstance(rule, Number) and rule.extra and value == rule.default
 
 
 def _seconds(ns: int) -> str:

@@ -33,6 +33,8 @@ FLAGS = (
 SOURCES = (
     "core/calibration.c",
     "core/narx.c",
+    "core/residual.c",
+    "core/checks.c",
     "core/ifd.c",
     "core/ecu.c",
     "stm32f405/startup.c",

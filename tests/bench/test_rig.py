@@ -52,7 +52,7 @@ class Scripted:
 
 
 def answer(alive):
-    raw = {"predicted_mm": 1, "residual_pct": 2, "alarm": 0, "ready": 1, "alive": alive, "step": 0}
+    raw = {"predicted_mm": 1, "residual_pct": 2, "alarm": 0, "ready": 1, "alive": alive, "step": 0, "kind": 0}
     return Frame(0x200, CODEC.pack("IFD_STATUS", raw)[0].tobytes())
 
 

@@ -6,14 +6,14 @@ from bench.codec import Codec
 from bench.faults.insertion import Insertion
 from bench.faults.spec import parse_fault
 from bench.verdict import TD_MAX_NS, Outcome, judge
-from bench.watch import Watch
+from bench.watch import Alarm, Watch
 
 S = 1_000_000_000
 
 
 def watch(*alarms, **counts):
     seen = Watch(Codec())
-    seen.alarms_ns.extend(alarms)
+    seen.alarms.extend(Alarm(*alarm) for alarm in alarms)
     for name, value in counts.items():
         setattr(seen, name, value)
     return seen
@@ -137,3 +137,24 @@ def test_rig_that_gave_up():
 def test_only_a_found_fault_or_a_quiet_healthy_lap_passes():
     """CD and OK pass; nothing else does."""
     assert [outcome for outcome in Outcome if outcome.passed] == [Outcome.CD, Outcome.OK]
+
+
+def test_wrong_kind_named():
+    """An alarm in time that names another kind of fault is no correct detection; the name is kept."""
+    verdict = judge(watch((7 * S, None, "hold")), [fault()])
+    assert (verdict.outcome, verdict.named, verdict.td_ns) == (Outcome.ID, "hold", None)
+    assert verdict.reason == "the alarm 2.000 s after the fault names hold, it was open"
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("rear_stroke:open@5", "open"),
+        ("rear_stroke:short@5", "short"),
+        ("rear_stroke:short:to=batt@5", "open"),
+        ("rear_stroke:offset@5", "uncalibration"),
+    ],
+)
+def test_right_kind_named(text, named):
+    """An alarm that names the kind is a correct detection; full scale is open, whatever made it."""
+    assert judge(watch((7 * S, None, named)), [fault(text)]).outcome is Outcome.CD

@@ -11,8 +11,9 @@ MS = 1_000_000
 CODEC = Codec()
 
 
-def status(alive, alarm=0, role="IFD_STATUS"):
+def status(alive, alarm=0, role="IFD_STATUS", kind=0):
     values = {"predicted_mm": 1, "residual_pct": 2, "alarm": alarm, "ready": 1, "alive": alive, "step": 7}
+    values["kind"] = kind
     message = CODEC.message(role)
     raw = {name: values[name] for name in message.signals}
     return Frame(message.id, CODEC.pack(role, raw)[0].tobytes())
@@ -61,7 +62,7 @@ def test_alarms_are_intervals():
     watch = Watch(CODEC)
     for k, alarm in enumerate([0, 1, 1, 0, 0, 1]):
         watch.heard(status(k, alarm), k * MS)
-    assert watch.alarms_ns == [(1 * MS, 3 * MS), (5 * MS, None)]
+    assert watch.alarms == [(1 * MS, 3 * MS, None), (5 * MS, None, None)]
 
 
 def test_step_cycles_and_counts():
@@ -98,7 +99,7 @@ def test_soft_sensor():
     watch.cycle(0)
     watch.heard(status(0, role="SOFT_STROKE"), MS)
     assert watch.unanswered(10 * MS) is None
-    assert watch.alarms_ns == []
+    assert watch.alarms == []
 
 
 def test_short_frame():
@@ -107,7 +108,7 @@ def test_short_frame():
     watch.cycle(0)
     watch.heard(Frame(0x200, bytes(3)), MS)
     watch.heard(Frame(0x201, b""), 2 * MS)
-    assert watch.garbled == "IFD_STATUS of 3 bytes at 0.001 s; it has 7"
+    assert watch.garbled == "IFD_STATUS of 3 bytes at 0.001 s; it has 8"
     assert watch.unanswered(10 * MS)
 
 

@@ -71,23 +71,23 @@ def test_image_is_laid_out_as_the_header_says(calibration):
     """The image holds what calibration.h reads: head, scalings, padded rows of weights, and its checksum."""
     image, net = calibration.image(), calibration.network
     magic, version, size, crc = struct.unpack_from("<4I", image)
-    assert (magic, version, size) == (int.from_bytes(b"SCAL", "little"), 1, len(image))
+    assert (magic, version, size) == (int.from_bytes(b"SCAL", "little"), 2, len(image))
     assert crc == zlib.crc32(image[16:])
     assert calibration.checksum == f"{crc:08x}"
     assert struct.unpack_from("<8I", image, 16) == (15, 10, 3, 0, 0, 20, 5, 200)
     threshold, floor, initial, gain, offset, scale = struct.unpack_from("<6f", image, 48)
     assert (threshold, floor) == pytest.approx((0.1, 0.1))
     assert (initial, gain, offset, scale) == pytest.approx((55, 55, 55, 1 / 55))
-    channels = [struct.unpack_from("<Iff", image, 72 + 12 * k) for k in range(7)]
+    channels = [struct.unpack_from("<Iff", image, 128 + 12 * k) for k in range(7)]
     assert channels[0] == pytest.approx((0, 75, 1 / 75))
     assert channels[1] == pytest.approx((2, 0, 1 / 80))
     assert channels[3:] == [(0, 0, 0)] * 4
-    weights = np.frombuffer(image, "<f4", offset=160)
+    weights = np.frombuffer(image, "<f4", offset=216)
     rows, outputs = weights[:-15].reshape(15, 41), weights[-15:]
     np.testing.assert_array_equal(rows[:, 0], net.b1)
     np.testing.assert_array_equal(rows[:, 1:], net.W1)
     np.testing.assert_array_equal(outputs, net.w2)
-    assert struct.unpack_from("<f", image, 156) == (np.float32(net.b2),)
+    assert struct.unpack_from("<f", image, 212) == (np.float32(net.b2),)
 
 
 def test_rows_are_padded_with_zeros():
@@ -105,7 +105,7 @@ def test_rows_are_padded_with_zeros():
         b2=0,
         initial_mm=55,
     )
-    weights = np.frombuffer(Calibration(small).image(), "<f4", offset=160)
+    weights = np.frombuffer(Calibration(small).image(), "<f4", offset=216)
     assert weights.tolist() == [2, 1, 1, 1, 0, 2, 1, 1, 1, 0, 3, 3]
 
 
@@ -149,8 +149,8 @@ def test_shipped_calibration():
         ("[]", "not a strokebench-calibration file"),
         ('"strokebench-calibration"', "not a strokebench-calibration file"),
         ('{"format": "other"}', "not a strokebench-calibration file"),
-        ('{"format": "strokebench-calibration"}', "version None, this strokebench reads version 1"),
-        ('{"format": "strokebench-calibration", "version": 1}', "network is missing or not a dict"),
+        ('{"format": "strokebench-calibration"}', "version None, this strokebench reads version 2"),
+        ('{"format": "strokebench-calibration", "version": 2}', "network is missing or not a dict"),
     ],
     ids=lambda value: repr(value)[:24],
 )
@@ -159,11 +159,11 @@ def test_no_calibration_file(text, says):
     assert says in refusal(text)
 
 
-@pytest.mark.parametrize("version", [2, 0, "1", True, None, 1.5, [1]])
+@pytest.mark.parametrize("version", [1, 0, "2", True, None, 1.5, [1]])
 def test_other_version(document, version):
     """A file of another version is refused with its version and the one that can be read."""
     line = refusal(json.dumps({**document, "version": version}))
-    assert line == f"file.json: version {version!r}, this strokebench reads version 1"
+    assert line == f"file.json: version {version!r}, this strokebench reads version 2"
 
 
 @pytest.mark.parametrize("checksum", ["00000000", None, 5, "f" * 100, ["x"]])
@@ -226,7 +226,7 @@ WRONG_SIZES = [
     ((*DET, "threshold"), -0.1, "threshold is -0.1"),
     ((*DET, "floor_mm"), 0, "floor_mm is 0.0, the ECU takes 1e-06"),
     ((*DET, "feedback"), "both", "feedback 'both' is neither predicted nor measured"),
-    ((*DET, "feedback"), 1, "feedback is missing or not a str"),
+    ((*DET, "feedback"), 1, "feedback is 1, not a word"),
     (NET, [], "network is missing or not a dict"),
     (DET, None, "detector is missing or not a dict"),
 ]

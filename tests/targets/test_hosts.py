@@ -278,7 +278,7 @@ def decisions(residual, detector):
 
 def said(ecu, lap, faults=()):
     """The ECU's status signals over a lap, name -> float64 (cycles,)."""
-    payload = np.frombuffer(b"".join(statuses(ecu, lap, faults)), np.uint8).reshape(-1, 7)
+    payload = np.frombuffer(b"".join(statuses(ecu, lap, faults)), np.uint8).reshape(-1, 8)
     return CODEC.decode_all("IFD_STATUS", payload)
 
 

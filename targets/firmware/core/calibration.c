@@ -25,7 +25,9 @@ enum calibration_fault calibration_check(const calibration *c, uint32_t room) {
         return CALIBRATION_SHAPE;
     }
     if (c->inputs < 1u || c->inputs > MAX_INPUTS || c->window < 1u || c->window > MAX_WINDOW) return CALIBRATION_SHAPE;
-    if (c->shift > MAX_SHIFT || c->multiple < 1u) return CALIBRATION_SHAPE;
+    if (c->shift > MAX_SHIFT || c->multiple < 1u || c->detector > DETECTOR_CHECKS) return CALIBRATION_SHAPE;
+    if (c->hold_window < 2u || c->hold_window > MAX_HOLD_WINDOW) return CALIBRATION_SHAPE;
+    if (c->loss_window < 1u || c->loss_window > MAX_LOSS_WINDOW) return CALIBRATION_SHAPE;
     for (uint32_t i = 0; i < c->inputs; i++) {
         if (c->input[i].channel >= CHANNELS) return CALIBRATION_SHAPE;
     }

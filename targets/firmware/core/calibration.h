@@ -6,15 +6,18 @@
 #include <stdint.h>
 
 #define CALIBRATION_MAGIC 0x4C414353u /* "SCAL" */
-#define CALIBRATION_VERSION 1u
+#define CALIBRATION_VERSION 2u
 #define MAX_NEURONS 32u
 #define MAX_DELAYS 16u
 #define MAX_INPUTS 7u
 #define MAX_SHIFT 15u
 #define MAX_WINDOW 128u
+#define MAX_HOLD_WINDOW 128u
+#define MAX_LOSS_WINDOW 512u
 #define MAX_REGRESSORS ((MAX_INPUTS + 1u) * MAX_DELAYS)
 
 enum feedback { FEEDBACK_PREDICTED = 0, FEEDBACK_MEASURED = 1 };
+enum detector { DETECTOR_RESIDUAL = 0, DETECTOR_CHECKS = 1 };
 
 /* x = (value - offset) * gain maps a sensor's range to [-1, 1] (section III.3). */
 typedef struct {
@@ -41,7 +44,21 @@ typedef struct {
     float initial_mm;  /* what the fed-back stroke starts from */
     float out_gain;    /* y_mm = y * out_gain + out_offset */
     float out_offset;
-    float out_scale; /* y = (y_mm - out_offset) * out_scale */
+    float out_scale;   /* y = (y_mm - out_offset) * out_scale */
+    uint32_t detector;      /* enum detector; the next are the second one's, checks.h */
+    uint32_t rail_steps;    /* at a rail before it is a fault */
+    uint32_t repeat_steps;  /* with the same value before it is a fault */
+    uint32_t hold_window;   /* samples of the motion check */
+    uint32_t loss_window;   /* samples of the loss check */
+    uint32_t heal_steps;    /* without a finding before the alarm is taken back */
+    float rail_low_mm;      /* the rails, as measured */
+    float rail_high_mm;
+    float rail_gap_mm;      /* nearer to a rail than this the model expects the stop */
+    float repeat_motion_mm; /* what the predicted stroke moves meanwhile */
+    float hold_ratio;       /* of measured to predicted standard deviation */
+    float still_mm;         /* predicted standard deviation below which nothing is said */
+    float loss_threshold;   /* of the mean log ratio */
+    float loss_floor_mm;    /* smaller strokes count as this */
     input_scaling input[MAX_INPUTS];
     float output_bias;
     float weights[]; /* neurons rows of [bias, w_1 .. w_stride]; then neurons output weights */

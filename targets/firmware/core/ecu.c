@@ -57,6 +57,7 @@ void ecu_status(const ecu *e, can_frame *f) {
     ifd_status_set_ready(f->data, e->verdict.ready);
     ifd_status_set_alive(f->data, e->alive);
     ifd_status_set_step(f->data, e->step & 0xFFFFu);
+    ifd_status_set_kind(f->data, e->verdict.kind);
 }
 
 void ecu_timing(const ecu *e, uint32_t cycles, can_frame *f) {

@@ -78,7 +78,7 @@ static inline int frames_read(uint32_t id, uint32_t length, const uint8_t *d, fl
 }
 
 #define IFD_STATUS_ID 512u
-#define IFD_STATUS_LENGTH 7u
+#define IFD_STATUS_LENGTH 8u
 
 static inline void ifd_status_set_predicted_mm(uint8_t *d, float v) {
     uint32_t raw = frames_saturate(v / 0x1.0624de0000000p-9f, 0x1.fffe000000000p+15f);
@@ -107,6 +107,10 @@ static inline void ifd_status_set_alive(uint8_t *d, uint32_t raw) {
 static inline void ifd_status_set_step(uint8_t *d, uint32_t raw) {
     d[5] = (uint8_t)(raw);
     d[6] = (uint8_t)(raw >> 8);
+}
+
+static inline void ifd_status_set_kind(uint8_t *d, uint32_t raw) {
+    d[7] = (uint8_t)((d[7] & 0xF0u) | (((raw) & 15u) << 0));
 }
 
 #define IFD_TIMING_ID 513u

@@ -1,20 +1,24 @@
-/* Residual generator (V.1) and decision maker (Figure V.8). */
+/* Instrument fault detection (section V.1): one of the detectors, the warm-up, and what they all say. */
 #ifndef IFD_H
 #define IFD_H
 
 #include "calibration.h"
+#include "checks.h"
+#include "residual.h"
 
 typedef struct {
-    float deviation[MAX_WINDOW]; /* |y_p - y_m| / |y_m|, a ring of the last `window` samples */
-    uint32_t head;
-    uint32_t above; /* consecutive steps with the residual above the threshold */
+    union {
+        residual_state residual;
+        checks_state checks;
+    } detector;
     uint32_t steps;
 } ifd_state;
 
 typedef struct {
-    float residual; /* E_mean,L, relative */
+    float residual; /* what the detector compares with its threshold, relative */
     uint32_t ready; /* warm-up is over */
     uint32_t alarm;
+    enum fault_kind kind; /* what the alarm names; KIND_NONE if the detector cannot tell */
 } ifd_verdict;
 
 void ifd_init(ifd_state *s);

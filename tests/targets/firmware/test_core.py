@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from targets.calibration import ROOM, Calibration, Detector
+from targets.detector import Checks
 from targets.firmware import HERE
 from tests.conftest import network
 
-CORE = [HERE / "core" / f"{name}.c" for name in ("calibration", "narx", "ifd", "ecu")]
+CORE = [HERE / "core" / f"{name}.c" for name in ("calibration", "narx", "residual", "checks", "ifd", "ecu")]
 
 TANSIG = """
 #include <stdint.h>
@@ -143,7 +144,17 @@ def sealed(image, **words):
         "shift",
         "window",
     )
-    names += ("multiple", "warmup")
+    names += (
+        "multiple",
+        "warmup",
+        "threshold",
+        "floor_mm",
+        "initial_mm",
+        "out_gain",
+        "out_offset",
+        "out_scale",
+    )
+    names += ("detector", "rail_steps", "repeat_steps", "hold_window", "loss_window", "heal_steps")
     content = bytearray(image)
     for name, value in words.items():
         at = 4 * names.index(name)
@@ -170,7 +181,7 @@ def test_no_calibration(check):
     [
         ({}, 0),
         ({"magic": 1}, 1),
-        ({"version": 2}, 1),
+        ({"version": 1}, 1),
         ({"neurons": 0}, 2),
         ({"neurons": 33}, 2),
         ({"neurons": 14}, 2),
@@ -183,6 +194,11 @@ def test_no_calibration(check):
         ({"window": 0}, 2),
         ({"window": 129}, 2),
         ({"multiple": 0}, 2),
+        ({"detector": 2}, 2),
+        ({"hold_window": 1}, 2),
+        ({"hold_window": 129}, 2),
+        ({"loss_window": 0}, 2),
+        ({"loss_window": 513}, 2),
         ({"size": 0}, 2),
         ({"size": 2**32 - 1}, 2),
     ],
@@ -215,6 +231,10 @@ def test_clean_under_the_sanitizers(compiled, tmp_path):
         "least": Calibration(network(1, 1), Detector(window=1, multiple=1, warmup=0)),
         "most": Calibration(network(32, 16, shift=15), Detector(window=128)),
         "measured": Calibration(network(3, 2), Detector(feedback="measured")),
+        "checks": Calibration(network(3, 2), Checks(warmup=0, hold_window=128, loss_window=512)),
+        "least checks": Calibration(
+            network(3, 2), Checks(warmup=0, hold_window=2, loss_window=1, still_mm=0)
+        ),
     }
     for name, calibration in shapes.items():
         (tmp_path / name).write_bytes(calibration.image())
