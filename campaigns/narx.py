@@ -164,7 +164,7 @@ def _left_out(k: int, plan: NarxLeaveOneOut, data: Sequences) -> list[Predictor]
     others = replace(data, runs=(*data.runs[:k], *data.runs[k + 1 :]))
     one = _one(data, k)
     every = ranges()
-    settings: dict[str, Any] = recipe_of("parallel")
+    settings: dict[str, Any] = recipe_of(plan.recipe)
     narx = train(
         others,
         Settings(

@@ -66,6 +66,7 @@ class NarxLeaveOneOut(BaseModel):
     neurons: Count = 15
     delays: Count = 10
     seeds: Annotated[list[Seed], Field(min_length=1)] = [0]
+    recipe: str = "linear"
 
 
 SoftSensorCampaign = NarxGrid | NarxPerformance | NarxLeaveOneOut

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from campaigns.narx import Cell, Measured
 from campaigns.narx_plan import NarxGrid
 from campaigns.soft_sensor import WASHOUT, Predictor, pairs, performance
-from campaigns.tables import thesis
+from campaigns.thesis import thesis
 from targets.narx import curves, measures
 from targets.narx.measures import Performance
 from targets.narx.sequences import Sequences

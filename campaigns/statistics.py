@@ -31,6 +31,18 @@ class Rate:
         scale = 1 + z2 / n
         return max(0.0, (centre - reach) / scale), min(1.0, (centre + reach) / scale)
 
+    @property
+    def supported(self) -> float:
+        """What the true rate is at least with 95 % confidence: Clopper and Pearson's one-sided bound."""
+        if not self.n:
+            return math.nan
+        if not self.hits:
+            return 0.0
+        from scipy.special import betaincinv
+
+        # P(X >= hits | p) = I_p(hits, n - hits + 1) = 0.05, exactly
+        return float(betaincinv(self.hits, self.n - self.hits + 1, 0.05))
+
 
 @dataclass(frozen=True)
 class Times:
@@ -54,9 +66,18 @@ class Times:
     @property
     def median(self) -> float:
         """The middle value, NaN if there is none."""
+        return middle(self.values_s)
+
+    def percentile(self, percent: float) -> float:
+        """The value below which `percent` lie, between two by their distances; NaN if there is none."""
         ordered = sorted(self.values_s)
-        n = len(ordered)
-        return (ordered[(n - 1) // 2] + ordered[n // 2]) / 2 if n else math.nan
+        if not ordered:
+            return math.nan
+        # Hyndman and Fan's seventh definition, that of numpy, R and spreadsheets
+        place = (len(ordered) - 1) * percent / 100.0
+        below = min(int(place), len(ordered) - 1)
+        above = min(below + 1, len(ordered) - 1)
+        return ordered[below] + (place - below) * (ordered[above] - ordered[below])
 
     @property
     def longest(self) -> float:
@@ -81,6 +102,23 @@ def alarm_rate_bound(alarms: int, hours: float) -> float:
 def _poisson_cdf(k: int, mean: float) -> float:
     # sum of e^-m m^i / i!, by logarithms: e^-m alone is zero in floating point from m = 746 on
     return math.fsum(math.exp(i * math.log(mean) - mean - math.lgamma(i + 1)) for i in range(k + 1))
+
+
+def middle(values: Sequence[float]) -> float:
+    """Median, NaN of none; a value may be infinite, as a time that did not come."""
+    ordered = sorted(values)
+    n = len(ordered)
+    return (ordered[(n - 1) // 2] + ordered[n // 2]) / 2 if n else math.nan
+
+
+def sign_test(more: int, fewer: int) -> float:
+    """Two-sided exact p of `more` against `fewer` where both are as likely; 1 of none.
+
+    Of the pairs whose verdicts differ this is McNemar's test (1947), exact.
+    """
+    from scipy.special import bdtr
+
+    return min(1.0, 2.0 * float(bdtr(min(more, fewer), more + fewer, 0.5)))
 
 
 def mean_and_deviation(n: int, total: float, squares: float) -> tuple[float, float]:

@@ -42,12 +42,14 @@ _PREFIX = struct.Struct("<4I")
 class Calibration:
     """A network, a detector, and where they came from.
 
+    baselines: settings of detectors that no ECU runs, for comparison: name -> setting -> number.
     Raises CalibrationError if the parts do not fit together or the image would not fit its flash sector.
     """
 
     network: "Narx"
     detector: AnyDetector = field(default_factory=Detector)
     provenance: dict[str, Any] = field(default_factory=dict, compare=False)
+    baselines: dict[str, dict[str, float]] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
         n, d = self.network.neurons, self.network.delays
@@ -169,6 +171,7 @@ def dumps(calibration: Calibration) -> str:
             "output_bias": _short(net.b2),
         },
         "detector": detector_document(calibration.detector),
+        **({"baselines": calibration.baselines} if calibration.baselines else {}),
         "provenance": calibration.provenance,
     }
     return json.dumps(document, indent=1) + "\n"
@@ -254,7 +257,16 @@ def _build(document: dict[str, Any]) -> Calibration:
     )
     detector = read_detector(_get(document, "detector", dict))
     provenance = document.get("provenance", {})
-    return Calibration(network, detector, provenance if isinstance(provenance, dict) else {})
+    return Calibration(
+        network, detector, provenance if isinstance(provenance, dict) else {}, _baselines(document)
+    )
+
+
+def _baselines(document: dict[str, Any]) -> dict[str, dict[str, float]]:
+    found = document.get("baselines", {})
+    if not isinstance(found, dict) or not all(isinstance(table, dict) for table in found.values()):
+        raise CalibrationError("baselines is not a table of tables")
+    return found
 
 
 def _get(table: dict[str, Any], key: str, kind: type) -> Any:

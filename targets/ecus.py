@@ -17,7 +17,9 @@ from targets.mcu.image import load as load_image
 
 ROLES = tuple(ELF)
 HOSTS = ("mcu", "host")
-DEFAULT_CALIBRATION = Path(__file__).parent / "calibrations" / "gsxr1000.json"
+CALIBRATIONS = Path(__file__).parent / "calibrations"
+DEFAULT_NAME = "gsxr1000"
+DEFAULT_CALIBRATION = CALIBRATIONS / f"{DEFAULT_NAME}.json"
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,12 @@ def build(
     if elf and host == "host":
         raise TargetError(f"{elf}: the host runs its own core, no image; leave out --elf or choose --on mcu")
     return Build(role, host, load(calibration or DEFAULT_CALIBRATION), _image(elf or ELF[role]))
+
+
+def calibration_of(name: str) -> Calibration:
+    """The shipped calibration of that name, or that in the file; CalibrationError if it cannot be read."""
+    shipped = CALIBRATIONS / f"{name}.json"
+    return load(shipped if "/" not in name and shipped.exists() else Path(name))
 
 
 @cache

@@ -1,25 +1,63 @@
 """`bench campaign`: the published tables, ours beside them.
 
-Belongs here: options, progress, files. Never: what is run, how a table is made.
+Belongs here: options, and which campaign goes where. Never: what is run, how a table is made.
 """
 
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bench.cli.options import Map, Model, Repair, SensorsName
+from bench.cli.options import Host, Map, Repair
 
 if TYPE_CHECKING:
-    from campaigns.narx import Measured
-    from campaigns.narx_plan import NarxGrid, NarxLeaveOneOut, NarxPerformance
+    from bench.cli.campaign_run import Outputs
+    from campaigns.plan import Plan
 
 app = typer.Typer(
     help="The literature's tables, ours beside them.", no_args_is_help=True, pretty_exceptions_enable=False
 )
+
+Name = Annotated[str, typer.Argument(metavar="NAME|FILE", help="A campaign's name, or its .toml file.")]
+LapsFolder = Annotated[
+    Path | None, typer.Option("--laps", metavar="DIR", help="Laps of your own instead of simulated ones.")
+]
+ModelName = Annotated[
+    str | None,
+    typer.Option("--model", metavar="NAME|FILE", help="Calibration.  [default: the campaign's]"),
+]
+SensorsOf = Annotated[
+    str | None,
+    typer.Option("--sensors", metavar="NAME|FILE", help="Instruments.  [default: the campaign's]"),
+]
+Workers = Annotated[int | None, typer.Option(help="Processes.  [default: all cores]")]
+ClusterUrl = Annotated[
+    str | None, typer.Option("--cluster", metavar="URL", help="A Dask scheduler, tcp://HOST:PORT.")
+]
+StoreFile = Annotated[
+    Path | None,
+    typer.Option("--store", metavar="FILE", help="Keeps what is finished.  [default: NAME.sqlite]"),
+]
+FailFast = Annotated[
+    bool, typer.Option("--fail-fast", help="Begin no further trial after one that fails its verdict.")
+]
+Ftti = Annotated[
+    float | None,
+    typer.Option("--ftti", metavar="S", help="Fault tolerant time interval: print the margin to it."),
+]
+JsonOut = Annotated[
+    Path | None, typer.Option("--json", metavar="OUT", help="Write tables and trials as JSON.")
+]
+HtmlOut = Annotated[Path | None, typer.Option("--html", metavar="OUT", help="Write a page to look at.")]
+CsvOut = Annotated[Path | None, typer.Option("--csv", metavar="OUT", help="Write the trials as CSV.")]
+ParquetOut = Annotated[
+    Path | None, typer.Option("--parquet", metavar="OUT", help="Write the trials as Parquet.")
+]
+JunitOut = Annotated[Path | None, typer.Option("--junit", metavar="OUT", help="Write verdicts as JUnit XML.")]
 
 
 @app.command("list")
@@ -39,179 +77,177 @@ def list_() -> None:
 
 @app.command()
 def run(
-    name: Annotated[str, typer.Argument(metavar="NAME|FILE", help="A campaign's name, or its .toml file.")],
-    laps: Annotated[
-        Path | None, typer.Option("--laps", metavar="DIR", help="Laps of your own instead of simulated ones.")
-    ] = None,
-    model: Model = None,
-    sensors: SensorsName = "datasheet",
+    name: Name,
+    laps: LapsFolder = None,
+    model: ModelName = None,
+    on: Host = "mcu",
+    sensors: SensorsOf = None,
     map_file: Map = None,
     repair: Repair = False,
-    workers: Annotated[int | None, typer.Option(help="Processes.  [default: all cores]")] = None,
-    store: Annotated[
-        Path | None,
-        typer.Option("--store", metavar="FILE", help="Keeps what is finished; the next run goes on from it."),
-    ] = None,
-    json_out: Annotated[
-        Path | None, typer.Option("--json", metavar="OUT", help="Write the results as JSON.")
-    ] = None,
-    html_out: Annotated[
-        Path | None, typer.Option("--html", metavar="OUT", help="Write a page with the curves.")
-    ] = None,
+    workers: Workers = None,
+    cluster: ClusterUrl = None,
+    store: StoreFile = None,
+    fail_fast: FailFast = False,
+    ftti: Ftti = None,
+    json_out: JsonOut = None,
+    html_out: HtmlOut = None,
+    csv_out: CsvOut = None,
+    parquet_out: ParquetOut = None,
+    junit_out: JunitOut = None,
 ) -> None:
-    """Run a campaign and print its tables beside the published ones."""
-    import os
+    """Run a campaign and print its tables beside the published ones.
 
-    from bench.cli.demo import road
-    from bench.errors import BenchError
+    Every finished trial is kept in the store at once; the same command goes on from there.
+    """
+    from bench.cli.campaign_run import Outputs
+
+    outputs = Outputs(json_out, html_out, csv_out, parquet_out, junit_out)
+    options = (laps, model, on, sensors, map_file, repair, workers, cluster)
+    _run(name, *options, store, fail_fast, ftti, outputs, False)
+
+
+@app.command()
+def resume(
+    name: Name,
+    laps: LapsFolder = None,
+    model: ModelName = None,
+    on: Host = "mcu",
+    sensors: SensorsOf = None,
+    map_file: Map = None,
+    repair: Repair = False,
+    workers: Workers = None,
+    cluster: ClusterUrl = None,
+    store: StoreFile = None,
+    fail_fast: FailFast = False,
+    ftti: Ftti = None,
+    json_out: JsonOut = None,
+    html_out: HtmlOut = None,
+    csv_out: CsvOut = None,
+    parquet_out: ParquetOut = None,
+    junit_out: JunitOut = None,
+) -> None:
+    """Go on with a campaign that was interrupted: its store must be there; only what is missing is run."""
+    from bench.cli.campaign_run import Outputs
+
+    outputs = Outputs(json_out, html_out, csv_out, parquet_out, junit_out)
+    options = (laps, model, on, sensors, map_file, repair, workers, cluster)
+    _run(name, *options, store, fail_fast, ftti, outputs, True)
+
+
+@app.command()
+def report(
+    store: Annotated[Path, typer.Argument(metavar="STORE", help="A campaign's store.")],
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", metavar="STORE", help="Another run: which verdicts changed since then."),
+    ] = None,
+    ftti: Ftti = None,
+    json_out: JsonOut = None,
+    html_out: HtmlOut = None,
+    csv_out: CsvOut = None,
+    parquet_out: ParquetOut = None,
+    junit_out: JunitOut = None,
+) -> None:
+    """Print a store's tables again, finished or not, or what changed against another one."""
+    from bench.cli import campaign_run
+    from campaigns.errors import CampaignError
+    from campaigns.store import Store
+
+    outputs = campaign_run.Outputs(json_out, html_out, csv_out, parquet_out, junit_out)
+    outputs.check()
+    with Store.read(store) as found:
+        if against is None:
+            campaign_run.report(found, outputs, ftti)
+            return
+        if csv_out or parquet_out or junit_out:
+            raise CampaignError("--against takes --json and --html alone")
+        with Store.read(against) as before:
+            campaign_run.compare(found, before, outputs)
+
+
+def _run(
+    name: str,
+    laps: Path | None,
+    model: str | None,
+    on: str,
+    sensors: str | None,
+    map_file: Path | None,
+    repair: bool,
+    workers: int | None,
+    cluster: str | None,
+    store: Path | None,
+    fail_fast: bool,
+    ftti: float | None,
+    outputs: Outputs,
+    resuming: bool,
+) -> None:
+    from bench.cli import campaign_run
+    from campaigns.errors import CampaignError
+    from campaigns.offline_plan import OfflineCampaign
+    from campaigns.plan import load
+    from campaigns.road_plan import RoadPlan
+    from campaigns.store import Store
+
+    where = campaign_run.executor(workers, cluster)
+    outputs.check()
+    plan = load(name)
+    if not isinstance(plan, RoadPlan | OfflineCampaign):
+        if resuming or cluster or fail_fast or ftti or outputs.csv or outputs.parquet or outputs.junit:
+            raise CampaignError(f"{name}: takes --laps, --model, --workers, --store, --json and --html alone")
+        _soft_sensor(name, plan, laps, model, sensors, map_file, repair, workers, store, outputs)
+        return
+    if outputs.junit and isinstance(plan, OfflineCampaign):
+        raise CampaignError(f"{name}: --junit is for road trials: an offline campaign judges no single run")
+    path = store or Path(f"{Path(name).stem}.sqlite")
+    if resuming and not path.exists():
+        raise CampaignError(f"{path}: no such store to go on with")
+    if sensors:
+        plan = plan.model_copy(update={"sensors": sensors})
+    own = campaign_run.Laps(laps, map_file, repair) if laps else None
+    ready = campaign_run.prepared(Path(name).stem, plan, model, on, own, workers)
+    with Store.open(path, ready.campaign) as kept:
+        ran = campaign_run.carry_out(ready, kept, where, fail_fast)
+        if ran.before:
+            typer.echo(f"bench: campaign: {ran.before} of {ran.total} trials were in {path}", err=True)
+        campaign_run.report(kept, outputs, ftti)
+    if ran.failed:
+        typer.echo(
+            f"bench: campaign: trial {ran.failed} failed; {ran.total - ran.before - ran.added} not begun",
+            err=True,
+        )
+        raise typer.Exit(1)
+
+
+def _soft_sensor(
+    name: str,
+    plan: Plan,
+    laps: Path | None,
+    model: str | None,
+    sensors: str | None,
+    map_file: Path | None,
+    repair: bool,
+    workers: int | None,
+    store: Path | None,
+    outputs: Outputs,
+) -> None:
+    from bench.cli import campaign_soft_sensor as soft_sensor
     from bench.whole import check_writable, whole
     from campaigns.errors import CampaignError
     from campaigns.narx_plan import NarxGrid, NarxLeaveOneOut, NarxPerformance
-    from campaigns.plan import Campaign, load
 
-    if workers is not None and workers < 1:
-        raise BenchError(f"--workers is {workers}; it must be at least 1")
-    for out in (json_out, html_out, store):
-        if out:
-            check_writable(out)
-    plan = load(name)
+    if store:
+        check_writable(store)
     count = workers or os.cpu_count() or 1
     result: Any = None
-    if isinstance(plan, Campaign):
-        if laps or model or html_out or store or json_out:
-            raise CampaignError(f"{name}: takes none of --laps, --model, --html, --store and --json yet")
-        road(plan, workers)
-        return
-    if html_out:
-        from bench.cli.page import check_target
-
-        check_target(html_out, ())
     if isinstance(plan, NarxGrid):
-        result = _grid(plan, count, store)
+        result = soft_sensor.grid(plan, count, store)
     elif isinstance(plan, NarxPerformance):
-        result = _performance(plan, laps, model, map_file, repair, html_out)
+        result = soft_sensor.performance(plan, laps, model, map_file, repair, outputs.html)
     elif isinstance(plan, NarxLeaveOneOut):
         if laps is None:
             raise CampaignError(f"{name}: needs --laps DIR, a folder of recorded rides")
-        result = _leave_one_out(plan, laps, sensors, map_file, repair, count, html_out)
-    if json_out:
-        with whole(json_out) as part:
+        instruments = sensors or "datasheet"
+        result = soft_sensor.leave_one_out(plan, laps, instruments, map_file, repair, count, outputs.html)
+    if outputs.json:
+        with whole(outputs.json) as part:
             part.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-
-
-def _grid(plan: NarxGrid, workers: int, store: Path | None) -> Any:
-    from dataclasses import asdict
-
-    from rich.console import Console
-
-    from bench.whole import whole
-    from campaigns.narx import Cell, cells, grid
-    from campaigns.soft_sensor_tables import grid_table
-
-    key = plan.model_dump_json()
-    done: dict[tuple[int, int, int], Cell] = {}
-    if store and store.exists():
-        done = _stored(store, key)
-    wanted = [cell for cell in cells(plan) if cell not in done]
-
-    def keep(cell: Cell) -> None:
-        done[cell.neurons, cell.delays, cell.seed] = cell
-        if store:
-            with whole(store) as part:
-                rows = [asdict(row) for row in done.values()]
-                part.write_text(json.dumps({"of": key, "cells": rows}, indent=1), encoding="utf-8")
-
-    if wanted:
-        with _bar("training", len(wanted)) as advance:
-            for cell in grid(plan, wanted, workers, keep):
-                advance(f"N = {cell.neurons}, d = {cell.delays}, seed {cell.seed}")
-    found = [done[cell] for cell in cells(plan)]
-    console = Console()
-    console.print(f"[bold]{plan.title}[/]: {plan.stands_for}", highlight=False)
-    console.print(grid_table(plan, found), highlight=False)
-    return [asdict(cell) for cell in found]
-
-
-def _stored(store: Path, key: str) -> dict[tuple[int, int, int], Any]:
-    from campaigns.errors import CampaignError
-    from campaigns.narx import Cell
-
-    try:
-        table = json.loads(store.read_text(encoding="utf-8"))
-        if table["of"] != key:
-            raise CampaignError(f"{store}: holds the results of another campaign")
-        found = [Cell(**row) for row in table["cells"]]
-    except (ValueError, KeyError, TypeError):
-        raise CampaignError(f"{store}: holds no results of a campaign") from None
-    return {(cell.neurons, cell.delays, cell.seed): cell for cell in found}
-
-
-def _performance(
-    plan: NarxPerformance,
-    laps: Path | None,
-    model: Path | None,
-    map_file: Path | None,
-    repair: bool,
-    html_out: Path | None,
-) -> Any:
-    from rich.console import Console
-
-    from bench.cli.train import laps_in
-    from campaigns.narx import performance
-    from campaigns.soft_sensor_tables import chapter_iii, figures, performance_table
-    from targets.calibration import load
-    from targets.ecus import DEFAULT_CALIBRATION
-
-    narx = load(model or DEFAULT_CALIBRATION).network
-    test = laps_in(laps, map_file, repair) if laps else None
-    with _bar("", None) as advance:
-        measured = performance(plan, narx, test, advance)
-    rows = figures(measured.predictors, measured.data)
-    console = Console()
-    console.print(f"[bold]{plan.title}[/]: {plan.stands_for}", highlight=False)
-    title = f"{len(measured.sources)} unseen laps"
-    console.print(performance_table(rows, title, chapter_iii()), highlight=False)
-    _page(html_out, plan.title, measured, performance_table(rows, title, chapter_iii()))
-    return {name: row.document() for name, row in rows.items()}
-
-
-def _leave_one_out(
-    plan: NarxLeaveOneOut,
-    laps: Path,
-    sensors: str,
-    map_file: Path | None,
-    repair: bool,
-    workers: int,
-    html_out: Path | None,
-) -> Any:
-    from rich.console import Console
-
-    from bench.cli.train import laps_in
-    from campaigns.narx import leave_one_out
-    from campaigns.soft_sensor_tables import each_run_table, figures, performance_table
-
-    rides = laps_in(laps, map_file, repair)
-    with _bar("training", len(rides)) as advance:
-        measured = leave_one_out(plan, rides, sensors, workers, advance)
-    rows = figures(measured.predictors, measured.data)
-    console = Console()
-    console.print(f"[bold]{plan.title}[/], inputs {', '.join(measured.data.inputs)}", highlight=False)
-    console.print(each_run_table(measured), highlight=False)
-    console.print(performance_table(rows, "all rides, each predicted by what it was left out of"))
-    _page(html_out, plan.title, measured, each_run_table(measured))
-    return {name: row.document() for name, row in rows.items()}
-
-
-def _bar(what: str, total: int | None) -> Any:
-    from bench.cli.progress import counted_progress
-
-    return counted_progress(what, total)
-
-
-def _page(out: Path | None, title: str, measured: Measured, table: Any) -> None:
-    if out is None:
-        return
-    from bench.cli.page import write_page
-    from bench.cli.soft_sensor_page import curves_page
-
-    write_page(out, curves_page(title, measured, table))

@@ -56,7 +56,7 @@ def validate(
     from bench.plant.route import load_route
     from bench.sensors.datasheets import load_sensors
     from bench.whole import check_writable, whole
-    from campaigns.tables import thesis
+    from campaigns.thesis import thesis
     from campaigns.validation import validate as compare
 
     if json_out:

@@ -38,7 +38,7 @@ th, td {{ padding: 0.1em 0.8em; text-align: right; white-space: pre; font-varian
 th:first-child, td:first-child {{ text-align: left }}
 tr.section td {{ font-weight: bold; padding-top: 0.8em }}
 code {{ overflow-wrap: anywhere }}
-</style>
+{style}</style>
 </head>
 <body>
 <h1>{title}</h1>
@@ -96,9 +96,9 @@ def comparison_page(
     return frame("Laps compared", body)
 
 
-def frame(title: str, body: Sequence[str]) -> str:
-    """A whole page of parts that are HTML already."""
-    return _FRAME.format(title=escape(title), body="\n".join(body))
+def frame(title: str, body: Sequence[str], style: str = "") -> str:
+    """A whole page of parts that are HTML already; style: CSS of its own."""
+    return _FRAME.format(title=escape(title), body="\n".join(body), style=style)
 
 
 def table(heads: Sequence[str], rows: Sequence[Row]) -> str:
@@ -133,6 +133,21 @@ def plot(figure: Any) -> str:
         config={"displaylogo": False, "responsive": True, "showSendToCloud": False, "plotlyServerURL": ""},
     )
     return text
+
+
+def scripts(data: Any, code: str) -> str:
+    """plotly.js once, `data` as JSON in the element #data, and `code`, which may draw any number of plots."""
+    import json
+
+    from plotly.offline import get_plotlyjs
+
+    # No text in the data can end the element it stands in.
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    return (
+        f"<script>{get_plotlyjs()}</script>\n"
+        f'<script type="application/json" id="data">{text}</script>\n'
+        f"<script>{code}</script>"
+    )
 
 
 def subplots(titles: Sequence[str], columns: int, height: int, apart: int, **more: Any) -> Any:

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from targets.narx.settings import Settings
@@ -51,6 +51,43 @@ def counted_progress(what: str, total: int | None) -> Iterator[Callable[[str], N
         task = bar.add_task(what, total=total)
         bar.refresh()
         yield lambda word: bar.update(task, advance=1, description=f"{what} {word}".strip(), refresh=True)
+
+
+@contextmanager
+def trials_progress(total: int) -> "Iterator[Callable[[int, int, dict[str, Any]], None]]":
+    """A bar of `total` trials with their rate and the time left; yields what a campaign's runner tells."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("trials"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[latest]}"),
+    )
+    screen = Console(stderr=True)
+    begun, first = time.monotonic(), -1
+    # Drawn when told, not by a thread: none may be running when workers are forked.
+    with Progress(
+        *columns, console=screen, transient=True, auto_refresh=False, disable=not screen.is_terminal
+    ) as bar:
+        task = bar.add_task("", total=total, rate="", latest="")
+        bar.refresh()
+        drawn = 0.0
+
+        def tell(done: int, _: int, result: dict[str, Any]) -> None:
+            nonlocal first, drawn
+            first = done - 1 if first < 0 else first
+            now = time.monotonic()
+            if now - drawn < REFRESH_S and done < total:
+                return
+            rate = f"{60 * (done - first) / max(now - begun, 1e-9):.1f}/min"
+            bar.update(task, completed=done, rate=rate, latest=str(result.get("outcome", "")), refresh=True)
+            drawn = now
+
+        yield tell
 
 
 @contextmanager

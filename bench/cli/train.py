@@ -144,6 +144,11 @@ def narx(
 
 def laps_in(folder: Path, map_file: Path | None, repair: bool) -> list[Lap]:
     """Every lap of a folder, by file name; LapError if there is none."""
+    return [open_lap(path, map_file, repair) for path in lap_paths(folder)]
+
+
+def lap_paths(folder: Path) -> list[Path]:
+    """The lap files of a folder, by name; LapError if there is none."""
     from bench.errors import LapError
     from bench.laps.files import FORMATS
 
@@ -152,7 +157,7 @@ def laps_in(folder: Path, map_file: Path | None, repair: bool) -> list[Lap]:
     files = sorted(path for path in folder.iterdir() if path.suffix.lower() in FORMATS)
     if not files:
         raise LapError(f"{folder}: no lap in it ({', '.join(FORMATS)})")
-    return [open_lap(path, map_file, repair) for path in files]
+    return files
 
 
 def _state(part: Path) -> State:

@@ -50,9 +50,13 @@ REFINEMENT = (Stage("parallel", closed=True, iterations=80),)
 SERIES_PARALLEL = (Stage("series-parallel", closed=False, iterations=1000, horizon=1000),)
 """Section III.1 to the letter: the closed loop is first tried when training has ended."""
 
-RECIPES: dict[str, dict[str, tuple[Stage, ...]]] = {
+FROM_LINEAR = (Stage("parallel, from linear", closed=True, iterations=60, horizon=1000),)
+"""From the best linear filter of the inputs, which a network contains."""
+
+RECIPES: dict[str, dict[str, Any]] = {
     "parallel": {"screening": SCREENING, "refinement": REFINEMENT},
     "series-parallel": {"screening": SERIES_PARALLEL, "refinement": ()},
+    "linear": {"screening": FROM_LINEAR, "refinement": (), "linear_start": True},
 }
 """Recipe -> the stages of `Settings`."""
 
@@ -87,6 +91,8 @@ class Settings:
     held_out: share of the runs that end a stage, by their one-step error in the series-parallel form and
     by their free run in the parallel form, and by the latter choose the seed.
     patience: iterations of a stage without a better judgement before it ends.
+    linear_start: the first neuron begins as the linear filter of the inputs that fits best, the others
+    silent; else all weights are random.
     initial: what the fed-back delay line starts from; None: the median of the output.
     edit: apply `prepare.edited` to every channel first.
     device: where matrices are multiplied, "cpu" or "cuda". single: their blocks in float32.
@@ -107,6 +113,7 @@ class Settings:
     patience: int = 20
     initial: float | None = None
     edit: bool = False
+    linear_start: bool = False
     ranges: Mapping[str, Range] = field(default_factory=lambda: dict(RANGES))
     device: str = "cpu"
     single: bool = True

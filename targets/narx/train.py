@@ -93,6 +93,9 @@ class TrainingResult(NamedTuple):
 WORSE = 1.25
 """A network this much worse than a constant on any run is caught in a wrong rest position there."""
 
+LINEAR_REACH = 0.15
+"""How far the first neuron of a linear start goes on its curve: tanh errs by 0.8 % there."""
+
 State = dict[str, Any]
 """Where a training stands, as plain numbers and strings: what `train` hands out and takes up again."""
 
@@ -249,11 +252,14 @@ class _Job:
         # each form is judged by its own error: how well a series-parallel network free-runs along its way
         # says little of the parallel network it leads to
         best, last_better = self.judge(candidate.theta, stage.closed), 0
+        steady = stage.closed and self.stable(candidate.theta)
         for k, (theta, cost, _) in enumerate(islice(iterates, stage.iterations), start=1):
             judge = self.judge(theta, stage.closed)
             candidate.iterations += 1
-            if judge < best:
+            # what diverges on a ride is no better, whatever it does on those that judge
+            if judge < best and (not steady or self.stable(theta)):
                 candidate.theta, best, last_better = theta, judge, k
+                steady = stage.closed and (steady or self.stable(theta))
             self.progress(Progress(candidate.seed, stage.name, k, stage.iterations, cost, judge))
             if k - last_better >= s.patience:
                 break
@@ -264,7 +270,28 @@ class _Job:
         N = self.settings.neurons
         n_x = len(self.data.names) * self.settings.delays
         W1 = rng.uniform(-1.0, 1.0, N * n_x) * np.sqrt(0.75 / n_x)
+        if self.settings.linear_start:
+            return self._linear(W1.reshape(N, n_x), rng.uniform(-1.0, 1.0, N))
         return np.concatenate([W1, rng.uniform(-1.0, 1.0, N), rng.uniform(-0.3, 0.3, N), [0.0]])
+
+    def _linear(self, W1: Floats, b1: Floats) -> Floats:
+        """Weights whose first neuron is the best linear filter of the inputs, fitted by least squares."""
+        d = self.settings.delays
+        s = self.data.segments(None)
+        windows = np.lib.stride_tricks.sliding_window_view(s.v[:, :-1], d, axis=1)[..., ::-1]
+        counted = s.weight > 0
+        X = windows[counted].reshape(np.count_nonzero(counted), -1)
+        X = np.column_stack([X, np.ones(len(X))]) * s.weight[counted][:, None]
+        solution = np.linalg.lstsq(X, s.measured[counted] * s.weight[counted], rcond=None)[0]
+        filter_, offset = solution[:-1], float(solution[-1])
+        # so small that tanh is straight to 1 %
+        small = LINEAR_REACH / max(float(np.abs(windows[counted].reshape(len(X), -1) @ filter_).max()), 1e-9)
+        W1[0] = 0.0
+        W1[0, : filter_.size] = small * filter_
+        b1[0] = 0.0
+        w2 = np.zeros(len(b1))
+        w2[0] = 1.0 / small
+        return np.concatenate([W1.ravel(), b1, w2, [offset]])
 
     def network(self, theta: Floats) -> Narx:
         """Return the network of theta, in physical units."""

@@ -32,7 +32,15 @@ def frames():
 
 
 def status(alive):
-    raw = {"predicted_mm": 1, "residual_pct": 2, "alarm": 0, "ready": 1, "alive": alive & 15, "step": 0, "kind": 0}
+    raw = {
+        "predicted_mm": 1,
+        "residual_pct": 2,
+        "alarm": 0,
+        "ready": 1,
+        "alive": alive & 15,
+        "step": 0,
+        "kind": 0,
+    }
     return Frame(0x200, CODEC.pack("IFD_STATUS", raw)[0].tobytes())
 
 

@@ -1,98 +1,211 @@
-"""Running a campaign: the same figures again, whatever the number of workers."""
+"""Carrying out a campaign: what runs, what is stored, when it stops, what is told."""
 
-import multiprocessing
 import os
+import signal
+import threading
+from functools import partial
 
 import pytest
 
-from bench.errors import BenchError, RouteError
-from bench.verdict import Outcome
-from campaigns import runner
-from campaigns.plan import Campaign, Trial, expand
-from campaigns.runner import run, warm_up
-from targets.ecus import build
+from bench.errors import BenchError
+from bench.pool import WorkersLost
+from campaigns.errors import CampaignError
+from campaigns.runner import Local, Ran, run
+from campaigns.store import Store
+from tests.campaigns.trifles import CAMPAIGN, Trifle, quick, trifles
 
-FORKS = "fork" in multiprocessing.get_all_start_methods()
-
-
-@pytest.fixture(scope="module")
-def ecu():
-    return build("ifd", "mcu")
+COUNT = 20
+FAILED = [n for n in range(COUNT) if quick(Trifle(n))[0]["outcome"] == "MD"]
 
 
-@pytest.fixture(scope="module")
-def trials():
-    campaign = Campaign(
-        title="Short",
-        stands_for="nothing",
-        route="mixed_5km",
-        laps=1,
-        seed=20_000,
-        seconds=4,
-        fault_window_s=(2.5, 3),
-        faults={"open": "rear_stroke:open"},
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "store"
+
+
+@pytest.fixture
+def store(path):
+    with Store.open(path, CAMPAIGN) as store:
+        yield store
+
+
+class Ahead:
+    """An executor with results in another order, the jobs it was given, and how many it began."""
+
+    def __init__(self):
+        self.given, self.begun = [], 0
+
+    def as_completed(self, work, jobs, stop):
+        self.given = list(jobs)
+        for k in reversed(range(len(jobs))):
+            if stop():
+                return
+            self.begun += 1
+            yield k, work(jobs[k])
+
+
+class Loses(Ahead):
+    """One whose workers are lost after three results."""
+
+    def as_completed(self, work, jobs, stop):
+        yield from list(super().as_completed(work, jobs, stop))[:3]
+        raise WorkersLost("cluster tcp://x:1: the scheduler is gone", "3 of 9 jobs are done")
+
+
+def refuses_7(trifle):
+    if trifle.n == 7:
+        raise BenchError("trial 7 is bad")
+    return quick(trifle)
+
+
+def no_outcome(trifle):
+    return {"cells": {}}, None
+
+
+def interrupts(trifle, at, number, times=1):
+    if trifle.n == at:
+        for _ in range(times):
+            os.kill(os.getpid(), number)
+    return quick(trifle)
+
+
+def test_stored(store):
+    """Every trial is in the store with its document, its result and its freeze frame."""
+    assert run(trifles(COUNT), quick, store, Ahead()) == Ran(COUNT, 0, COUNT)
+    for trifle in trifles(COUNT):
+        row = store.row(trifle.id)
+        assert (row.trial, row.result, store.frame(trifle.id)) == (trifle.document(), *quick(trifle))
+
+
+@pytest.mark.parametrize("workers", [1, 2, 4])
+def test_workers(tmp_path, workers):
+    """Any number of workers leaves the same store."""
+    hashes = set()
+    for name, executor in (("a", Ahead()), ("b", Local(workers))):
+        with Store.open(tmp_path / name, CAMPAIGN) as store:
+            assert run(trifles(COUNT), quick, store, executor).complete
+            hashes.add(store.content_hash())
+    assert len(hashes) == 1
+
+
+def test_goes_on(store):
+    """What is in the store is not run again; the others are, in their order."""
+    run(trifles(8), quick, store, Ahead())
+    executor = Ahead()
+    assert run(trifles(COUNT), quick, store, executor) == Ran(COUNT, 8, COUNT - 8)
+    assert executor.given == trifles(COUNT)[8:]
+
+
+def test_nothing_to_do(store):
+    """A campaign that is complete begins nothing."""
+    run(trifles(5), quick, store, Ahead())
+    executor = Ahead()
+    assert run(trifles(5), quick, store, executor) == Ran(5, 5, 0)
+    assert (executor.begun, run([], quick, store, executor)) == (0, Ran(0, 0, 0))
+
+
+def test_equal_trials(store):
+    """Equal trials are one."""
+    assert run(trifles(3) * 2, quick, store, Ahead()) == Ran(3, 0, 3)
+
+
+def test_told(store):
+    """It is told of each trial, after it is stored: how many are, those of before too, of how many."""
+    run(trifles(2), quick, store, Ahead())
+    told = []
+    run(trifles(5), quick, store, Ahead(), lambda *what: told.append((*what, len(store.ids()))))
+    assert told == [(k, 5, quick(Trifle(7 - k))[0], k) for k in (3, 4, 5)]
+
+
+def test_fail_fast(store):
+    """With fail_fast nothing begins after the first trial that does not pass, and its id is returned."""
+    executor = Ahead()
+    ran = run(trifles(COUNT), quick, store, executor, fail_fast=True)
+    assert ran == Ran(COUNT, 0, COUNT - FAILED[-1], Trifle(FAILED[-1]).id)
+    assert not ran.complete
+    assert executor.begun == len(store.ids()) == ran.added
+
+
+def test_fail_fast_stores_what_runs(path):
+    """With fail_fast what other workers are at is stored, too."""
+    with Store.open(path, CAMPAIGN) as store:
+        ran = run(trifles(200), quick, store, Local(4), fail_fast=True)
+        assert len(store.ids()) == ran.added < 200
+        assert Trifle(FAILED[0]).id in store.ids()
+
+
+def test_no_outcome(store):
+    """A result without an outcome fails nothing."""
+    assert run(trifles(5), no_outcome, store, Ahead(), fail_fast=True) == Ran(5, 0, 5)
+
+
+def test_fail_slow(store):
+    """Without fail_fast a trial that does not pass is a result like any other."""
+    assert FAILED
+    assert run(trifles(COUNT), quick, store, Ahead()).failed is None
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_refused_trial(store, workers):
+    """What a trial is refused for reaches the caller in the same words; what was finished is stored."""
+    with pytest.raises(BenchError, match="trial 7 is bad"):
+        run(trifles(COUNT), refuses_7, store, Local(workers))
+    assert {trifle.id for trifle in trifles(7)} <= store.ids()
+
+
+def test_workers_lost(store):
+    """Where workers are lost the refusal says how many trials of the campaign are stored."""
+    run(trifles(2), quick, store, Ahead())
+    with pytest.raises(CampaignError) as refusal:
+        run(trifles(9), quick, store, Loses())
+    assert str(refusal.value) == (
+        "cluster tcp://x:1: the scheduler is gone; 5 of 9 trials are stored, resume runs the rest"
     )
-    return expand(campaign)
+    assert len(store.ids()) == 5
 
 
-@pytest.fixture(scope="module")
-def results(trials, ecu):
-    return run(trials, ecu, 1)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted(store, number):
+    """After the first Ctrl-C or SIGTERM the trial that runs is stored, no other begins."""
+    with pytest.raises(KeyboardInterrupt):
+        run(trifles(9), partial(interrupts, at=3, number=number), store, Local(1))
+    assert len(store.ids()) == 4
 
 
-def test_results(trials, results):
-    """Each trial is ridden to its length and its steps are counted in cycles of the MCU's clock."""
-    assert [result.trial for result in results] == trials
-    for result in results:
-        assert (result.ridden_ns, result.steps, result.hz) == (4_010_000_000, 400, 22_000_000)
-        assert 3_000 < result.least <= result.cycles / result.steps <= result.most < 8_000
-        assert result.least**2 * 400 <= result.squares <= result.most**2 * 400
-        assert 0.05 < result.bus_load < 0.15
-    assert Outcome.INVALID not in {result.outcome for result in results}
+def test_interrupted_twice(store):
+    """A second Ctrl-C does not wait for the trial that runs."""
+    with pytest.raises(KeyboardInterrupt):
+        run(trifles(9), partial(interrupts, at=3, number=signal.SIGINT, times=2), store, Local(1))
+    assert len(store.ids()) == 3
 
 
-def test_again(trials, ecu, results):
-    """The same campaign again gives equal results."""
-    assert run(trials, ecu, 1) == results
+def test_interrupted_at_the_end(store):
+    """Ctrl-C during the last trial interrupts nothing any more."""
+    assert run(trifles(4), partial(interrupts, at=3, number=signal.SIGINT), store, Local(1)).complete
 
 
-def test_workers(trials, ecu, results):
-    """Two workers give what one gives, in the order of the trials, and tell of each in it."""
-    told = []
-    assert run(trials, ecu, 2, told.append) == results
-    assert told == results
+def test_handlers(store):
+    """However a run ends, the signals' handlers are those of before; one that is ignored stays so."""
+    before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+        with pytest.raises(KeyboardInterrupt):
+            run(trifles(4), partial(interrupts, at=1, number=signal.SIGINT), store, Local(1))
+        run(trifles(4), partial(interrupts, at=2, number=signal.SIGTERM), store, Local(1))
+        assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
-def test_more_workers_than_trials(trials, ecu, results):
-    """One trial is carried out in this process, however many workers are allowed."""
-    told = []
-    assert run(trials[:1], ecu, 8, told.append) == results[:1] == told
+def test_other_thread(path):
+    """A run in another thread, where no handlers can be set, runs as well."""
+    ran = []
 
+    def target():
+        with Store.open(path, CAMPAIGN) as store:
+            ran.append(run(trifles(3), quick, store, Local(1)))
 
-def test_no_trials(ecu):
-    """No trial, no result."""
-    assert run([], ecu) == []
-
-
-def test_warm_up(trials, ecu, monkeypatch):
-    """Warming up rides one second without the fault."""
-    ridden = []
-    monkeypatch.setattr(runner, "carry_out", lambda trial, build: ridden.append(trial))
-    warm_up(trials[1], ecu)
-    assert ridden == [Trial("open", "mixed_5km", "gsxr1000", "datasheet", 20_001, "", 1.0)]
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_refusal_in_a_worker(trials, ecu, workers):
-    """What a trial is refused for reaches the caller in the same words from any process."""
-    nowhere = [Trial("open", "nordschleife", "gsxr1000", "ideal", seed, "") for seed in (1, 2)]
-    with pytest.raises(RouteError, match="unknown route 'nordschleife'"):
-        run(nowhere, ecu, workers)
-
-
-@pytest.mark.skipif(not FORKS, reason="workers that are not forked do not inherit the stand-in")
-def test_killed_worker(trials, ecu, monkeypatch):
-    """A worker killed from outside ends the campaign with how much was left."""
-    monkeypatch.setattr(runner, "carry_out", lambda *_, **__: os._exit(9))
-    with pytest.raises(BenchError, match="a worker was killed; 0 of 2 jobs are done"):
-        run(trials, ecu, 2)
+    thread = threading.Thread(target=target)
+    thread.start()
+    thread.join()
+    assert ran == [Ran(3, 0, 3)]

@@ -5,7 +5,7 @@ import statistics
 
 import pytest
 
-from campaigns.statistics import Rate, alarm_rate_bound, mean_and_deviation, times
+from campaigns.statistics import Rate, alarm_rate_bound, mean_and_deviation, middle, sign_test, times
 
 
 @pytest.mark.parametrize(
@@ -103,3 +103,50 @@ def test_mean_and_deviation_of_few():
     assert mean_and_deviation(1, 7.0, 49.0)[0] == 7.0
     assert math.isnan(mean_and_deviation(1, 7.0, 49.0)[1])
     assert all(map(math.isnan, mean_and_deviation(0, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize(
+    ("hits", "n", "bound"),
+    # 0.05 ** (1/n) for all of n; the others from Brown, Cai and DasGupta's definition, by scipy's binomtest
+    [(20, 20, 0.860892), (100, 100, 0.970487), (19, 20, 0.783894), (5, 10, 0.222441), (0, 20, 0.0)],
+)
+def test_supported(hits, n, bound):
+    """The rate supported at 95 % is Clopper and Pearson's one-sided lower bound."""
+    assert Rate(hits, n).supported == pytest.approx(bound, abs=5e-7)
+
+
+def test_supported_is_exact():
+    """At the bound, as many hits or more come up in one of twenty experiments; none supports nothing."""
+    hits, n = 37, 41
+    p = Rate(hits, n).supported
+    tail = sum(math.comb(n, k) * p**k * (1 - p) ** (n - k) for k in range(hits, n + 1))
+    assert tail == pytest.approx(0.05, rel=1e-9)
+    assert math.isnan(Rate(0, 0).supported)
+
+
+def test_percentile():
+    """A percentile lies between the values on both sides of it, by distance; one value is all of them."""
+    found = times([k * 1_000_000_000 for k in (5, 1, 4, 2, 3)])
+    assert [found.percentile(p) for p in (0, 50, 95, 100)] == pytest.approx([1.0, 3.0, 4.8, 5.0])
+    assert times([2_000_000_000]).percentile(95) == 2.0
+    assert math.isnan(times([]).percentile(95))
+
+
+def test_median_with_infinite():
+    """What never came counts as infinite: the median is finite while less than half are missing."""
+    assert middle([3.0, math.inf, 1.0, math.inf, 2.0]) == 3.0
+    assert middle([3.0, math.inf]) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("more", "fewer", "p"),
+    [(0, 0, 1.0), (5, 5, 1.0), (0, 5, 0.0625), (8, 2, 0.109375), (2, 8, 0.109375), (0, 1, 1.0)],
+)
+def test_sign_test(more, fewer, p):
+    """The exact two-sided p of so many changes one way and the other."""
+    assert sign_test(more, fewer) == pytest.approx(p)
+
+
+def test_sign_test_of_many():
+    """Thousands of changes do not overflow."""
+    assert sign_test(4000, 6000) < 1e-80

@@ -98,7 +98,7 @@ def test_performance_on_laps_of_ones_own(bench, folder, tmp_path):
     [
         (("nothing",), "unknown campaign 'nothing'; the known ones are demo,"),
         (("narx_leave_one_out",), "needs --laps DIR, a folder of recorded rides"),
-        (("demo", "--json", "x.json"), "takes none of --laps, --model"),
+        (("narx_grid", "--fail-fast"), "takes --laps, --model, --workers, --store, --json and --html alone"),
         (("narx_grid", "--workers", 0), "--workers is 0; it must be at least 1"),
     ],
 )

@@ -16,7 +16,8 @@ def rides(count=6, seconds=120, error=0.02, seed=1):
     out = []
     for _ in range(count):
         t = np.arange(seconds * 100) / 100
-        stroke = 55 + sum(4 * np.sin(w * t + p) for w, p in zip(rng.uniform(4, 20, 4), rng.uniform(0, 6, 4)))
+        waves = np.column_stack([rng.uniform(4, 20, 4), rng.uniform(0, 6, 4)])
+        stroke = 55 + sum(4 * np.sin(speed * t + phase) for speed, phase in waves)
         slow = np.convolve(rng.normal(0, 1, len(t) + 49), np.ones(50) / 50**0.5, "valid")
         noisy = stroke + rng.normal(0, 0.03, len(t))
         out.append((stroke * (1 + error * slow), noisy))
@@ -64,7 +65,7 @@ def test_tuned_detector_is_quiet_and_finds_faults():
 
 
 def test_worse_prediction_is_slower_to_judge():
-    """The more the network errs, the higher the limits, and the longer a loss of calibration takes to find."""
+    """The more the network errs, the higher the limits, and the longer a loss takes to find."""
     good, bad = tune(rides(error=0.01), 0.01), tune(rides(error=0.03), 0.01)
     assert bad.checks.loss_threshold > good.checks.loss_threshold
     assert bad.td_s["uncalibration"] > good.td_s["uncalibration"]

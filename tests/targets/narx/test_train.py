@@ -10,7 +10,7 @@ from targets.narx import train as room
 from targets.narx.measures import relative_error, skill
 from targets.narx.network import Narx
 from targets.narx.sequences import Sequences
-from targets.narx.settings import Settings, Stage
+from targets.narx.settings import Settings, Stage, recipe_of
 from targets.narx.train import train
 
 BRIEF = Settings(
@@ -190,14 +190,15 @@ def test_a_state_of_something_else_is_refused(rides, change, says):
 
 def test_a_refinement_that_diverges_is_undone(rides, monkeypatch):
     """Where the refined network is unstable the screened one it came from is kept."""
-    stable = room._Job.stable
+    appraise = room._Job.appraise
     thetas = []
 
-    def refined_fails(job, theta):
-        thetas.append(theta)
-        return stable(job, theta) and len(thetas) <= len(BRIEF.seeds)
+    def refined_fails(job, candidate):
+        appraise(job, candidate)
+        thetas.append(candidate.theta)
+        candidate.stable = candidate.stable and len(thetas) <= len(BRIEF.seeds)
 
-    monkeypatch.setattr(room._Job, "stable", refined_fails)
+    monkeypatch.setattr(room._Job, "appraise", refined_fails)
     kept = train(rides(), BRIEF)
     assert len(thetas) == len(BRIEF.seeds) + 1
     chosen = next(c for c in kept.report.candidates if c.seed == kept.report.chosen)
@@ -231,16 +232,50 @@ def test_a_network_no_better_than_a_constant_is_refused(rides, monkeypatch):
         train(rides(), QUICK)
 
 
+@pytest.mark.parametrize("diverges", [True, False])
+def test_a_step_to_a_diverging_network_is_not_taken(rides, monkeypatch, diverges):
+    """In a closed-loop stage what diverges on any ride is no better, however well it does elsewhere."""
+    job = room._Job(rides(), BRIEF, lambda _: None)
+    start = job._first(np.random.default_rng(0))
+    judges = iter(range(0, -1000, -1))
+    monkeypatch.setattr(job, "judge", lambda theta, closed: next(judges))
+    monkeypatch.setattr(job, "stable", lambda theta: not diverges or theta.tobytes() == start.tobytes())
+    candidate = room.Candidate(0, theta=start)
+    job._run_stage(
+        candidate, Stage("closed", closed=True, iterations=2, horizon=20), np.random.default_rng(0)
+    )
+    assert (candidate.theta.tobytes() == start.tobytes()) is diverges
+
+
+def lags(u, taps):
+    """Rows of each input at the `taps` samples before, as the network sees them, and 1."""
+    past = np.concatenate([np.repeat(u[:1], taps, axis=0), u])
+    columns = [past[taps - k : taps - k + len(u), j] for j in range(u.shape[1]) for k in range(1, taps + 1)]
+    return np.column_stack([*columns, np.ones(len(u))])
+
+
+def test_linear_start_is_the_linear_filter(rides):
+    """A network that starts linear begins as the best linear filter of its inputs."""
+    settings = replace(BRIEF, seeds=(0,), **recipe_of("linear"))
+    job = room._Job(rides(), settings, lambda _: None)
+    start = job.network(job._first(np.random.default_rng(0)))
+    u = np.concatenate([lags(u, settings.delays)[settings.washout :] for u, _ in job.data.training])
+    y = np.concatenate([y[settings.washout :] for _, y in job.data.training])
+    weight = 1.0 / np.maximum(np.abs(y), settings.floor)
+    filtered = u @ np.linalg.lstsq(u * weight[:, None], y * weight, rcond=None)[0]
+    predicted = np.concatenate([start.free_run(u)[settings.washout :] for u, _ in job.data.training])
+    assert np.sqrt(np.mean((predicted - filtered) ** 2)) < 0.02 * np.std(filtered)
+
+
 def test_a_stable_seed_outlives_diverging_ones(rides, monkeypatch):
     """A diverging seed is reported as unstable and another one is chosen."""
-    stable = room._Job.stable
-    calls = []
+    appraise = room._Job.appraise
 
-    def first_fails(job, theta):
-        calls.append(theta)
-        return stable(job, theta) and theta.tobytes() != calls[0].tobytes()
+    def first_fails(job, candidate):
+        appraise(job, candidate)
+        candidate.stable = candidate.stable and candidate.seed != 0
 
-    monkeypatch.setattr(room._Job, "stable", first_fails)
+    monkeypatch.setattr(room._Job, "appraise", first_fails)
     report = train(rides(), BRIEF).report
     assert [c.stable for c in report.candidates] == [False, True]
     assert report.chosen == 1

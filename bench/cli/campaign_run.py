@@ -1,0 +1,221 @@
+"""Running a stored campaign and reporting on it: store, executor, progress, files.
+
+Belongs here: what `bench campaign run`, `resume` and `report` share. Never: options' words, a figure.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bench.errors import BenchError
+
+if TYPE_CHECKING:
+    from campaigns.kinds import Stored, StoredPlan
+    from campaigns.runner import Executor, Ran
+    from campaigns.store import Store
+
+
+WIDE = 120
+"""Columns of a report in a file or a pipe."""
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """The files a report is written to, None for those not asked for."""
+
+    json: Path | None = None
+    html: Path | None = None
+    csv: Path | None = None
+    parquet: Path | None = None
+    junit: Path | None = None
+
+    def check(self) -> None:
+        """Refuse before any work what could not be written after it."""
+        from bench.whole import check_writable
+
+        for path in (self.json, self.csv, self.parquet, self.junit):
+            if path:
+                check_writable(path)
+        if self.html:
+            from bench.cli.page import check_target
+
+            check_target(self.html, ())
+
+
+@dataclass(frozen=True)
+class Laps:
+    """Laps of one's own: where, and how they are read."""
+
+    folder: Path
+    map_file: Path | None
+    repair: bool
+
+
+def executor(workers: int | None, cluster: str | None) -> Executor:
+    """Where trials run."""
+    if workers is not None and workers < 1:
+        raise BenchError(f"--workers is {workers}; it must be at least 1")
+    if cluster:
+        from campaigns.cluster import Cluster
+
+        return Cluster(cluster)
+    from campaigns.runner import Local
+
+    return Local(workers or os.cpu_count() or 1)
+
+
+def prepared(
+    name: str, plan: StoredPlan, model: str | None, host: str, laps: Laps | None, workers: int | None
+) -> Stored:
+    """The campaign's trials, with the ECU and the laps asked for."""
+    from dataclasses import replace
+
+    from bench.cli.progress import counted_progress
+    from bench.cli.train import laps_in
+    from campaigns import kinds
+    from campaigns.road_plan import RoadPlan
+    from targets.ecus import build, calibration_of
+
+    chosen = model or plan.model
+    if isinstance(plan, RoadPlan):
+        ecu = build("ifd", host)
+        if chosen:
+            ecu = replace(ecu, calibration=calibration_of(chosen))
+        files = []
+        if laps:
+            # one at a time: hundreds of laps need not fit in memory
+            files = [kinds.lap_file(path, lap) for path, lap in _each_lap(laps)]
+        where = {"folder": laps.folder, "map_file": laps.map_file, "repair": laps.repair} if laps else {}
+        return kinds.road(name, plan, ecu, files, where)
+    calibration = calibration_of(chosen) if chosen else build().calibration
+    ridden = laps_in(laps.folder, laps.map_file, laps.repair) if laps else None
+    count = len(ridden) if ridden is not None else plan.test.count
+    with counted_progress("predicting", count) as advance:
+        return kinds.offline(name, plan, calibration, ridden, workers or os.cpu_count() or 1, advance)
+
+
+def _each_lap(laps: Laps) -> Any:
+    from bench.cli.options import open_lap
+    from bench.cli.train import lap_paths
+
+    for path in lap_paths(laps.folder):
+        yield path, open_lap(path, laps.map_file, laps.repair)
+
+
+def carry_out(ready: Stored, store: Store, where: Executor, fail_fast: bool) -> Ran:
+    """Run what the store lacks, with a bar of how many, how fast and how long yet."""
+    from bench.cli.progress import counted_progress, trials_progress
+    from campaigns.runner import run
+
+    missing = {job.id for job in ready.jobs} - store.ids()
+    if missing:
+        with counted_progress("compiling, once", None):
+            ready.warm_up()
+    with trials_progress(len({job.id for job in ready.jobs})) as tell:
+        return run(ready.jobs, ready.work, store, where, tell, fail_fast)
+
+
+def report(store: Store, outputs: Outputs, ftti_s: float | None = None) -> None:
+    """Print a store's tables and write the files asked for."""
+    from bench.cli.campaign_page import campaign_page
+    from bench.cli.page import write_page
+    from campaigns import export, kinds
+    from campaigns.junit import write_junit
+    from campaigns.road_plan import FAULT_FREE, RoadPlan
+    from campaigns.thesis import published_road
+
+    plan = plan_of(store)
+    rows = list(store.rows())
+    tables = kinds.tables(plan, rows, ftti_s)
+    console = wide_console()
+    console.print(f"[bold]{plan.title}[/]: {plan.stands_for}", highlight=False)
+    console.print(about(store.campaign, rows), highlight=False)
+    for part in kinds.shown(plan, tables):
+        console.print(part, highlight=False)
+        console.print()
+    road = isinstance(plan, RoadPlan)
+    if outputs.csv:
+        export.write_csv(outputs.csv, rows)
+    if outputs.parquet:
+        export.write_parquet(outputs.parquet, rows, store.campaign)
+    if outputs.junit:
+        if not road:
+            raise BenchError("--junit is for road trials")
+        write_junit(outputs.junit, store.campaign["name"], rows, [FAULT_FREE, *plan.faults])
+    if outputs.json or outputs.html:
+        # an offline campaign's thousands of trials are in its store, its tables hold what they come to
+        document = export.document(store.campaign, tables, rows if road else [])
+        if outputs.json:
+            export.write_json(outputs.json, document)
+        if outputs.html:
+            sheets, plots = kinds.page_parts(plan, tables)
+            published = published_road() if road else None
+            frame = store.frame if road else None
+            write_page(outputs.html, campaign_page(document, frame, published, sheets, plots))
+
+
+def wide_console() -> Any:
+    """The output; where it is no terminal, as wide as the offline campaign's tables."""
+    from rich.console import Console
+
+    console = Console()
+    return console if console.is_terminal or "COLUMNS" in os.environ else Console(width=WIDE)
+
+
+def compare(after: Store, before: Store, outputs: Outputs) -> None:
+    """Print which verdicts of `after` differ from those of `before`, and write the files asked for."""
+    from bench.cli.campaign_page import difference_page
+    from bench.cli.page import write_page
+    from campaigns import export
+    from campaigns.differences import difference_tables, differences
+
+    names = before.path.name, after.path.name
+    rows = list(before.rows()), list(after.rows())
+    found = differences(*rows)
+    console = wide_console()
+    for part in difference_tables(found, *names):
+        console.print(part, highlight=False)
+    if outputs.json:
+        export.write_json(outputs.json, found)
+    if outputs.html:
+        by_id = [{row.id: row for row in side} for side in rows]
+        trials = []
+        for change in found["changed"]:
+            sides = [rows_of[change[key]] for rows_of, key in zip(by_id, "ab", strict=True)]
+            trials.append(tuple({"id": row.id, "trial": row.trial, "result": row.result} for row in sides))
+        page = difference_page(
+            found, names, trials, (before.frame, after.frame), (before.campaign, after.campaign)
+        )
+        write_page(outputs.html, page)
+
+
+def about(campaign: dict[str, Any], rows: Sequence[Any]) -> str:
+    """One line: how many trials, of which laps, on which ECU."""
+    plan = campaign["plan"]
+    laps = "laps of one's own" if campaign["laps"] else f"route {plan.get('route') or plan['test']['route']}"
+    ecus = {(one["ecu"], one["runs_on"]) for one in campaign.get("ecu", [])}
+    places = {"mcu": "the emulated STM32F405", "host": "the host core"}
+    on = "".join(f"; ECU {ecu} on {places[place]}, CAN at 500 kbit/s" for ecu, place in sorted(ecus))
+    return f"{len(rows)} trials, {laps}{on}\n"
+
+
+def plan_of(store: Store) -> StoredPlan:
+    """The plan a store was made for. Raises CampaignError for one of another kind."""
+    from pydantic import ValidationError
+
+    from campaigns.errors import CampaignError
+    from campaigns.offline_plan import OfflineCampaign
+    from campaigns.road_plan import RoadPlan
+
+    table = store.campaign.get("plan", {})
+    kinds: dict[Any, type[StoredPlan]] = {"road": RoadPlan, "offline": OfflineCampaign}
+    try:
+        # canonical JSON has its keys in order of the alphabet, the tables have the plan's
+        table = {**table, "faults": {name: table["faults"][name] for name in store.campaign["conditions"]}}
+        return kinds[table.get("kind")](**table)
+    except (KeyError, TypeError, AttributeError, ValidationError):
+        raise CampaignError(f"{store.path}: holds no road trial and no offline campaign") from None

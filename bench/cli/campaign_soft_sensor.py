@@ -1,0 +1,135 @@
+"""Running the campaigns of soft sensors: the grid of networks, chapter III's figures, leave one out.
+
+Belongs here: progress, files, what is printed. Never: what is run, how a table is made.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from campaigns.narx import Measured
+    from campaigns.narx_plan import NarxGrid, NarxLeaveOneOut, NarxPerformance
+
+
+def grid(plan: NarxGrid, workers: int, store: Path | None) -> Any:
+    """Train what the store lacks of Table III.2 and print it."""
+    from dataclasses import asdict
+
+    from rich.console import Console
+
+    from bench.whole import whole
+    from campaigns.narx import Cell, cells
+    from campaigns.narx import grid as train_grid
+    from campaigns.soft_sensor_tables import grid_table
+
+    key = plan.model_dump_json()
+    done: dict[tuple[int, int, int], Cell] = {}
+    if store and store.exists():
+        done = _stored(store, key)
+    wanted = [cell for cell in cells(plan) if cell not in done]
+
+    def keep(cell: Cell) -> None:
+        done[cell.neurons, cell.delays, cell.seed] = cell
+        if store:
+            with whole(store) as part:
+                rows = [asdict(row) for row in done.values()]
+                part.write_text(json.dumps({"of": key, "cells": rows}, indent=1), encoding="utf-8")
+
+    if wanted:
+        with _bar("training", len(wanted)) as advance:
+            for cell in train_grid(plan, wanted, workers, keep):
+                advance(f"N = {cell.neurons}, d = {cell.delays}, seed {cell.seed}")
+    found = [done[cell] for cell in cells(plan)]
+    console = Console()
+    console.print(f"[bold]{plan.title}[/]: {plan.stands_for}", highlight=False)
+    console.print(grid_table(plan, found), highlight=False)
+    return [asdict(cell) for cell in found]
+
+
+def _stored(store: Path, key: str) -> dict[tuple[int, int, int], Any]:
+    from campaigns.errors import CampaignError
+    from campaigns.narx import Cell
+
+    try:
+        table = json.loads(store.read_text(encoding="utf-8"))
+        if table["of"] != key:
+            raise CampaignError(f"{store}: holds the results of another campaign")
+        found = [Cell(**row) for row in table["cells"]]
+    except (ValueError, KeyError, TypeError):
+        raise CampaignError(f"{store}: holds no results of a campaign") from None
+    return {(cell.neurons, cell.delays, cell.seed): cell for cell in found}
+
+
+def performance(
+    plan: NarxPerformance,
+    laps: Path | None,
+    model: str | None,
+    map_file: Path | None,
+    repair: bool,
+    html_out: Path | None,
+) -> Any:
+    """Measure a network on unseen laps beside the half-car sensor, and print section III.4's figures."""
+    from rich.console import Console
+
+    from bench.cli.train import laps_in
+    from campaigns.narx import performance as measure
+    from campaigns.soft_sensor_tables import chapter_iii, figures, performance_table
+    from targets.ecus import DEFAULT_NAME, calibration_of
+
+    narx = calibration_of(model or DEFAULT_NAME).network
+    test = laps_in(laps, map_file, repair) if laps else None
+    with _bar("", None) as advance:
+        measured = measure(plan, narx, test, advance)
+    rows = figures(measured.predictors, measured.data)
+    console = Console()
+    console.print(f"[bold]{plan.title}[/]: {plan.stands_for}", highlight=False)
+    title = f"{len(measured.sources)} unseen laps"
+    console.print(performance_table(rows, title, chapter_iii()), highlight=False)
+    _page(html_out, plan.title, measured, performance_table(rows, title, chapter_iii()))
+    return {name: row.document() for name, row in rows.items()}
+
+
+def leave_one_out(
+    plan: NarxLeaveOneOut,
+    laps: Path,
+    sensors: str,
+    map_file: Path | None,
+    repair: bool,
+    workers: int,
+    html_out: Path | None,
+) -> Any:
+    """Train on all rides but one and predict that one, each in turn, beside a linear filter as long."""
+    from rich.console import Console
+
+    from bench.cli.train import laps_in
+    from campaigns.narx import leave_one_out as train_each
+    from campaigns.soft_sensor_tables import each_run_table, figures, performance_table
+
+    rides = laps_in(laps, map_file, repair)
+    with _bar("training", len(rides)) as advance:
+        measured = train_each(plan, rides, sensors, workers, advance)
+    rows = figures(measured.predictors, measured.data)
+    console = Console()
+    console.print(f"[bold]{plan.title}[/], inputs {', '.join(measured.data.inputs)}", highlight=False)
+    console.print(each_run_table(measured), highlight=False)
+    console.print(performance_table(rows, "all rides, each predicted by what it was left out of"))
+    _page(html_out, plan.title, measured, each_run_table(measured))
+    return {name: row.document() for name, row in rows.items()}
+
+
+def _bar(what: str, total: int | None) -> Any:
+    from bench.cli.progress import counted_progress
+
+    return counted_progress(what, total)
+
+
+def _page(out: Path | None, title: str, measured: Measured, table: Any) -> None:
+    if out is None:
+        return
+    from bench.cli.page import write_page
+    from bench.cli.soft_sensor_page import curves_page
+
+    write_page(out, curves_page(title, measured, table))

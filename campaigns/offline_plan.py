@@ -1,0 +1,82 @@
+"""The offline campaign as TOML: section V.3's faults, and every L, n and T they are judged with."""
+
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from campaigns.narx_plan import Count, Laps, Seed
+
+SAMPLE_MS = 10
+"""The control loop's period: what L is counted in."""
+
+Feedback = Literal["predicted", "measured"]
+Window = Annotated[int, Field(ge=SAMPLE_MS, le=10_000, multiple_of=SAMPLE_MS, strict=True)]
+Multiple = Annotated[int, Field(ge=1, le=1000, strict=True)]
+Percent = Annotated[float, Field(gt=0, le=1000)]
+
+
+class OfflineCampaign(BaseModel):
+    """Tables V.1-V.12: `faults_per_kind` faults of each kind in the laps of `test`, one a trial.
+
+    faults: condition -> fault without its instant. L_ms: windows of (V.1), n: multiples of them for which the
+    residual must stay above T_percent, each list increasing. t_max_s: what is found later is missed.
+    feedback: what the network is fed back with, its own predictions or the measured stroke. model: a shipped
+    calibration's name or a file. compare: another one, whose second detector and baselines run beside where
+    `model` has none of its own.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    kind: Literal["offline"]
+    title: str
+    stands_for: str
+    test: Laps
+    sensors: str = "datasheet"
+    model: str | None = None
+    compare: str | None = None
+    seed: Seed
+    faults: Annotated[dict[str, str], Field(min_length=1)]
+    faults_per_kind: Count = 1000
+    L_ms: Annotated[list[Window], Field(min_length=1)] = [10, 20, 50, 100, 150, 200]
+    n: Annotated[list[Multiple], Field(min_length=1)] = [1, 2, 3, 4, 5]
+    T_percent: Annotated[list[Percent], Field(min_length=1)] = [10.0]
+    t_max_s: Annotated[float, Field(gt=0, le=7200)] = 120.0
+    feedback: Annotated[list[Feedback], Field(min_length=1)] = ["predicted", "measured"]
+
+    @field_validator("L_ms", "n", "T_percent")
+    @classmethod
+    def _increasing(cls, values: list[Any]) -> list[Any]:
+        if any(b <= a for a, b in pairwise(values)):
+            raise ValueError("each value must be larger than the one before")
+        return values
+
+    @field_validator("feedback")
+    @classmethod
+    def _distinct(cls, values: list[Any]) -> list[Any]:
+        if len(set(values)) < len(values):
+            raise ValueError("one is named twice")
+        return values
+
+    @field_validator("faults")
+    @classmethod
+    def _without_instant(cls, faults: dict[str, str]) -> dict[str, str]:
+        from bench.errors import FaultError
+        from bench.faults.spec import parse_fault
+
+        for fault in faults.values():
+            if "@" in fault:
+                raise ValueError(f"{fault!r} has an instant, which the campaign draws: leave out the @")
+            try:
+                parse_fault(f"{fault}@0")
+            except FaultError as error:
+                raise ValueError(str(error)) from None
+        return faults
+
+
+def t_key(T_percent: float) -> str:
+    """How a T is named in documents: 10 for 10 %."""
+    return f"{T_percent:.15g}"
+
+
+KINDS: dict[str, type[OfflineCampaign]] = {"offline": OfflineCampaign}

@@ -1,0 +1,101 @@
+"""A road trial as TOML: which laps, under which faults, on which ECU, and what is swept. Pure."""
+
+import re
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from campaigns.sweep import Scalar, Values, points
+
+FAULT_FREE = "fault-free"
+PLACES = re.compile(r"\{([a-z_]+)\}")
+"""A swept parameter's place in a fault's specification, as in `rear_stroke:uncalibration:gain={gain}`."""
+
+LAP_PARAMETERS = ("route", "motorcycle", "sensors")
+"""What may be swept beside a fault's parameters: where and with what the laps are ridden,"""
+ECU_PARAMETERS = ("model",)
+"""which calibration the ECU has,"""
+DETECTOR = "detector_"
+"""any setting of its detector, after this prefix,"""
+PHASE = "phase_ms"
+"""and where in the control period of 10 ms a fault comes."""
+
+Share = Annotated[float, Field(ge=0)]
+
+
+class RoadPlan(BaseModel):
+    """A validated campaign file of kind `road`; see `road.toml` for what the fields mean."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    kind: Literal["road"] = "road"
+    title: str
+    stands_for: str
+    route: str | Annotated[list[str], Field(min_length=1)]
+    motorcycle: str = "gsxr1000"
+    sensors: str = "datasheet"
+    model: str | None = None
+    laps: Annotated[int, Field(ge=1, le=100_000, strict=True)]
+    fault_free_laps: Annotated[int | None, Field(ge=0, le=100_000, strict=True)] = None
+    claim_per_hour: Annotated[float | None, Field(gt=0)] = None
+    seed: Annotated[int, Field(ge=0, strict=True)]
+    seconds: Annotated[float | None, Field(gt=0)] = None
+    fault_window_s: tuple[Share, Share]
+    td_max_s: Annotated[float, Field(gt=0)] = 120.0
+    ftti_s: Annotated[float | None, Field(gt=0)] = None
+    faults: dict[str, str]
+    sweep: dict[str, Values] = {}
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if FAULT_FREE in self.faults:
+            raise ValueError(f"faults: {FAULT_FREE!r} is the laps without one")
+        low, high = self.fault_window_s
+        if low > high:
+            raise ValueError(f"fault_window_s: {low} s comes after {high} s")
+        if self.claim_per_hour is not None:
+            if self.fault_free_laps is not None:
+                raise ValueError("claim_per_hour: sizes the fault-free laps, leave out fault_free_laps")
+            if self.seconds is None:
+                raise ValueError("claim_per_hour: needs `seconds`, the length of a lap")
+        places = {name for fault in self.faults.values() for name in PLACES.findall(fault)}
+        for name in sorted(places - set(self.sweep)):
+            raise ValueError(f"faults: {{{name}}} is not swept: [sweep] has no {name}")
+        for name in self.sweep:
+            known = (*LAP_PARAMETERS, *ECU_PARAMETERS, PHASE)
+            if name not in known and not name.startswith(DETECTOR) and name not in places:
+                raise ValueError(
+                    f"sweep.{name}: no fault has a {{{name}}}, and it is none of "
+                    f"{', '.join(known)}, {DETECTOR}*"
+                )
+        points(self.sweep)
+        return self
+
+    @property
+    def healthy_laps(self) -> int:
+        """How many laps are ridden without a fault: as many as asked for, or as the claim needs.
+
+        Without an alarm in T hours the rate is at most 3 / T per hour (95 %): T = 3 / claim.
+        """
+        if self.claim_per_hour is not None and self.seconds is not None:
+            return -int(-3.0 / self.claim_per_hour * 3600 // self.seconds)
+        return self.laps if self.fault_free_laps is None else self.fault_free_laps
+
+    def conditions(self) -> list[tuple[str, str, dict[str, Scalar]]]:
+        """(condition, fault without its time, what is swept) of every cell, fault-free ones first.
+
+        A parameter in a fault's specification makes no second cell of a fault that has no place for it.
+        """
+        cells: dict[str, tuple[str, str, dict[str, Scalar]]] = {}
+        of_faults = {name for fault in self.faults.values() for name in PLACES.findall(fault)} | {PHASE}
+        for name, fault in [(FAULT_FREE, ""), *self.faults.items()]:
+            own = {*PLACES.findall(fault), PHASE} if fault else set()
+            for point in points(self.sweep):
+                mine = {key: value for key, value in point.items() if key not in of_faults or key in own}
+                text = PLACES.sub(lambda match, mine=mine: _number(mine[match[1]]), fault)  # type: ignore[misc]
+                cells.setdefault(repr((name, mine)), (name, text, mine))
+        return list(cells.values())
+
+
+def _number(value: Scalar) -> str:
+    return value if isinstance(value, str) else repr(value)
