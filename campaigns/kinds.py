@@ -4,23 +4,26 @@ shown.
 Belongs here: one face for road trials and offline campaigns. Never: a file's format, a screen.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bench.laps.lap import Lap
 from bench.provenance import versions
+from campaigns import narx, offline_score, offline_shown
 from campaigns import offline as offline_campaign
-from campaigns import offline_score, offline_shown
 from campaigns.export import road_tables
+from campaigns.narx_plan import NarxGrid
 from campaigns.offline_plan import OfflineCampaign
 from campaigns.rivals import compared, compared_sheet, rivals
 from campaigns.road import LapFile, expand
 from campaigns.road_plan import FAULT_FREE, RoadPlan
 from campaigns.runner import Job, Work
 from campaigns.sheets import Sheet, invalid_lines, rich_table, sheets
+from campaigns.soft_sensor_tables import grid_table
 from campaigns.store import Row
 from campaigns.thesis import published_road
 from campaigns.trial import RoadWork
@@ -31,7 +34,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 Document = dict[str, Any]
-StoredPlan = RoadPlan | OfflineCampaign
+StoredPlan = RoadPlan | OfflineCampaign | NarxGrid
 
 
 @dataclass(frozen=True)
@@ -86,12 +89,17 @@ def offline(
     return Stored(_campaign(name, plan, digests, model), offline_campaign.jobs(prepared), work)
 
 
+def grid(name: str, plan: NarxGrid) -> Stored:
+    """Table III.2; rides its laps before it returns."""
+    return Stored(_campaign(name, plan, None, {}), narx.grid_trials(plan), narx.grid_work(plan))
+
+
 def _campaign(name: str, plan: StoredPlan, laps: Sequence[str] | None, more: Document) -> Document:
     return {
         "name": name,
         "title": plan.title,
         "stands_for": plan.stands_for,
-        "conditions": list(plan.faults),
+        "conditions": [] if isinstance(plan, NarxGrid) else list(plan.faults),
         "plan": plan.model_dump(mode="json", by_alias=True),
         "laps": laps,
         "versions": versions(),
@@ -105,6 +113,8 @@ def tables(plan: StoredPlan, rows: Iterable[Row], ftti_s: float | None = None) -
     if isinstance(plan, RoadPlan):
         return road_tables(rows, [FAULT_FREE, *plan.faults], None, ftti_s)
     pairs = [(row.trial, row.result) for row in rows]
+    if isinstance(plan, NarxGrid):
+        return {"cells": [finite_cell(cell) for cell in narx.grid_cells(plan, pairs)]}
     return {**offline_score.score(plan, pairs), "compared": compared(pairs, list(plan.faults), plan.t_max_s)}
 
 
@@ -117,16 +127,28 @@ def shown(plan: StoredPlan, found: Document) -> "list[RenderableType]":
         style = "bold red" if found["invalid"]["runs"] else ""
         head = "\n".join(escape(line) for line in lines)
         return [f"[{style}]{head}[/]" if style else head, *map(rich_table, sheets(found, published_road()))]
+    if isinstance(plan, NarxGrid):
+        cells = [narx.Cell(**{key: _or_inf(value) for key, value in cell.items()}) for cell in found["cells"]]
+        return [grid_table(plan, cells)]
     beside = [rich_table(compared_sheet(found["compared"]))] if found["compared"] else []
     return [*offline_shown.tables(plan, found), *beside]
 
 
 def page_parts(plan: StoredPlan, found: Document) -> tuple[list[Sheet], list[Document]]:
     """Tables and curves of a campaign's page beside those that every road trial has."""
-    if isinstance(plan, RoadPlan):
+    if not isinstance(plan, OfflineCampaign):
         return [], []
     sheets, plots = offline_shown.page_parts(plan, found)
     return ([compared_sheet(found["compared"])] if found["compared"] else []) + sheets, plots
+
+
+def finite_cell(cell: narx.Cell) -> Document:
+    """A network of the grid as a document, null where it diverged."""
+    return {key: None if value == math.inf else value for key, value in asdict(cell).items()}
+
+
+def _or_inf(value: Any) -> Any:
+    return math.inf if value is None else value
 
 
 def lap_file(path: Path, lap: Lap) -> LapFile:

@@ -4,7 +4,7 @@ Belongs here: which networks are trained on what. Never: a table, a screen, how 
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -28,6 +28,7 @@ from campaigns.soft_sensor import (
     ranges,
     sequences,
 )
+from campaigns.store import trial_id
 from targets.errors import TrainingError
 from targets.narx import measures
 from targets.narx.network import Narx
@@ -36,6 +37,7 @@ from targets.narx.settings import Settings, recipe_of, relative_suits
 from targets.narx.train import train
 
 Tell = Callable[[str], None]
+Document = dict[str, Any]
 
 
 def ridden(laps: Laps) -> list[Lap]:
@@ -62,28 +64,72 @@ class Cell:
         return max(self.training_percent, self.test_percent) < percent
 
 
-def cells(plan: NarxGrid) -> list[tuple[int, int, int]]:
-    """(N, d_in, seed) of every network of the grid: the whole table for one seed after the other."""
-    return [(n, d, seed) for seed in plan.seeds for n in plan.neurons for d in plan.delays]
+@dataclass(frozen=True)
+class GridTrial:
+    """One network of the grid. shared: what all of them have in common, part of each one's identity."""
+
+    neurons: int
+    delays: int
+    seed: int
+    shared: Document = field(repr=False, compare=False)
+
+    @property
+    def id(self) -> str:
+        """Derived from the content."""
+        return trial_id(self.document())
+
+    def document(self) -> Document:
+        """All that decides the result."""
+        which = {"neurons": self.neurons, "delays": self.delays, "seed": self.seed}
+        return {"kind": "narx_grid", **which, **self.shared}
 
 
-def grid(
-    plan: NarxGrid, wanted: Sequence[tuple[int, int, int]], workers: int, tell: Callable[[Cell], None]
-) -> Iterable[Cell]:
-    """Train the networks `wanted` of the grid; yields them in that order, tell is called with each."""
+def grid_trials(plan: NarxGrid) -> list[GridTrial]:
+    """Every network of the grid: the whole table for one seed after the other."""
+    shared = plan.model_dump(
+        mode="json", include={"training", "test", "sensors", "recipe", "samples", "iterations"}
+    )
+    return [GridTrial(n, d, seed, shared) for seed in plan.seeds for n in plan.neurons for d in plan.delays]
+
+
+@dataclass(frozen=True, eq=False)
+class GridWork:
+    """Trains the networks of a grid, in whatever process."""
+
+    plan: NarxGrid
+    training: Sequences
+    test: Sequences
+
+    def __call__(self, trial: GridTrial) -> tuple[Document, None]:
+        """The trial's `Cell` as a document, null for infinity."""
+        cell = _cell(trial, self.plan, self.training, self.test)
+        figures = {"training_percent": cell.training_percent, "test_percent": cell.test_percent}
+        return {name: value if np.isfinite(value) else None for name, value in figures.items()}, None
+
+
+def grid_work(plan: NarxGrid) -> GridWork:
+    """Ride the plan's laps."""
     sensors = load_sensors(plan.sensors)
-    training, test = (sequences(ridden(laps), sensors) for laps in (plan.training, plan.test))
-    work = partial(_cell, plan=plan, training=training, test=test)
-    for cell in pool.results(work, wanted, workers):
-        tell(cell)
-        yield cell
+    return GridWork(plan, *(sequences(ridden(laps), sensors) for laps in (plan.training, plan.test)))
 
 
-def _cell(which: tuple[int, int, int], plan: NarxGrid, training: Sequences, test: Sequences) -> Cell:
+def grid_cells(plan: NarxGrid, rows: Iterable[tuple[Document, Document]]) -> list[Cell]:
+    """The networks that are trained, in the order of the table; rows: trials' documents and results."""
+    known = {(row["neurons"], row["delays"], row["seed"]): result for row, result in rows}
+    found = []
+    for trial in grid_trials(plan):
+        which = trial.neurons, trial.delays, trial.seed
+        if which in known:
+            figures = (known[which][name] for name in ("training_percent", "test_percent"))
+            found.append(Cell(*which, *(np.inf if value is None else value for value in figures)))
+    return found
+
+
+def _cell(trial: GridTrial, plan: NarxGrid, training: Sequences, test: Sequences) -> Cell:
     import torch
 
     torch.set_num_threads(1)  # as many networks as cores: more threads would only wait for each other
-    neurons, delays, seed = which
+    neurons, delays, seed = trial.neurons, trial.delays, trial.seed
     stages = recipe_of(plan.recipe)["screening"]
     settings = Settings(
         neurons=neurons,

@@ -62,6 +62,7 @@ class Store:
         self.campaign: Document = {}
         self._connection = connection
         self._lock: Lock | None = None
+        self._new = False
         self._copy: tempfile.TemporaryDirectory[str] | None = None
 
     @classmethod
@@ -77,7 +78,7 @@ class Store:
         except BaseException:
             lock.release()
             raise
-        store._lock = lock
+        store._lock, store._new = lock, new
         try:
             store._begin(campaign)
         except BaseException:
@@ -191,7 +192,8 @@ class Store:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        # what failed before its first trial leaves no empty store behind
+        self._close(discard=self._new and error is not None and not self.ids())
 
     def _begin(self, campaign: Mapping[str, Any]) -> None:
         text = canonical(campaign)

@@ -183,6 +183,7 @@ def _run(
 ) -> None:
     from bench.cli import campaign_run
     from campaigns.errors import CampaignError
+    from campaigns.narx_plan import NarxGrid
     from campaigns.offline_plan import OfflineCampaign
     from campaigns.plan import load
     from campaigns.road_plan import RoadPlan
@@ -191,13 +192,15 @@ def _run(
     where = campaign_run.executor(workers, cluster)
     outputs.check()
     plan = load(name)
-    if not isinstance(plan, RoadPlan | OfflineCampaign):
-        if resuming or cluster or fail_fast or ftti or outputs.csv or outputs.parquet or outputs.junit:
-            raise CampaignError(f"{name}: takes --laps, --model, --workers, --store, --json and --html alone")
-        _soft_sensor(name, plan, laps, model, sensors, map_file, repair, workers, store, outputs)
+    if not isinstance(plan, RoadPlan | OfflineCampaign | NarxGrid):
+        if resuming or store or cluster or fail_fast or outputs.csv or outputs.parquet or outputs.junit:
+            raise CampaignError(f"{name}: takes --laps, --model, --workers, --json and --html alone")
+        _soft_sensor(name, plan, laps, model, sensors, map_file, repair, workers, outputs)
         return
-    if outputs.junit and isinstance(plan, OfflineCampaign):
-        raise CampaignError(f"{name}: --junit is for road trials: an offline campaign judges no single run")
+    if isinstance(plan, NarxGrid) and (laps or model or outputs.html):
+        raise CampaignError(f"{name}: takes none of --laps, --model and --html")
+    if outputs.junit and not isinstance(plan, RoadPlan):
+        raise CampaignError(f"{name}: --junit is for road trials: no other campaign judges single runs")
     path = store or Path(f"{Path(name).stem}.sqlite")
     if resuming and not path.exists():
         raise CampaignError(f"{path}: no such store to go on with")
@@ -227,21 +230,16 @@ def _soft_sensor(
     map_file: Path | None,
     repair: bool,
     workers: int | None,
-    store: Path | None,
     outputs: Outputs,
 ) -> None:
     from bench.cli import campaign_soft_sensor as soft_sensor
-    from bench.whole import check_writable, whole
+    from bench.whole import whole
     from campaigns.errors import CampaignError
-    from campaigns.narx_plan import NarxGrid, NarxLeaveOneOut, NarxPerformance
+    from campaigns.narx_plan import NarxLeaveOneOut, NarxPerformance
 
-    if store:
-        check_writable(store)
     count = workers or os.cpu_count() or 1
     result: Any = None
-    if isinstance(plan, NarxGrid):
-        result = soft_sensor.grid(plan, count, store)
-    elif isinstance(plan, NarxPerformance):
+    if isinstance(plan, NarxPerformance):
         result = soft_sensor.performance(plan, laps, model, map_file, repair, outputs.html)
     elif isinstance(plan, NarxLeaveOneOut):
         if laps is None:

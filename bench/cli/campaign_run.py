@@ -77,9 +77,13 @@ def prepared(
     from bench.cli.progress import counted_progress
     from bench.cli.train import laps_in
     from campaigns import kinds
+    from campaigns.narx_plan import NarxGrid
     from campaigns.road_plan import RoadPlan
     from targets.ecus import build, calibration_of
 
+    if isinstance(plan, NarxGrid):
+        with counted_progress("riding", None):
+            return kinds.grid(name, plan)
     chosen = model or plan.model
     if isinstance(plan, RoadPlan):
         ecu = build("ifd", host)
@@ -143,7 +147,7 @@ def report(store: Store, outputs: Outputs, ftti_s: float | None = None) -> None:
     if outputs.parquet:
         export.write_parquet(outputs.parquet, rows, store.campaign)
     if outputs.junit:
-        if not road:
+        if not isinstance(plan, RoadPlan):
             raise BenchError("--junit is for road trials")
         write_junit(outputs.junit, store.campaign["name"], rows, [FAULT_FREE, *plan.faults])
     if outputs.json or outputs.html:
@@ -196,7 +200,8 @@ def compare(after: Store, before: Store, outputs: Outputs) -> None:
 def about(campaign: dict[str, Any], rows: Sequence[Any]) -> str:
     """One line: how many trials, of which laps, on which ECU."""
     plan = campaign["plan"]
-    laps = "laps of one's own" if campaign["laps"] else f"route {plan.get('route') or plan['test']['route']}"
+    route = plan.get("route") or plan["test"]["route"]
+    laps = "laps of one's own" if campaign["laps"] else f"route {route}"
     ecus = {(one["ecu"], one["runs_on"]) for one in campaign.get("ecu", [])}
     places = {"mcu": "the emulated STM32F405", "host": "the host core"}
     on = "".join(f"; ECU {ecu} on {places[place]}, CAN at 500 kbit/s" for ecu, place in sorted(ecus))
@@ -208,14 +213,21 @@ def plan_of(store: Store) -> StoredPlan:
     from pydantic import ValidationError
 
     from campaigns.errors import CampaignError
+    from campaigns.narx_plan import NarxGrid
     from campaigns.offline_plan import OfflineCampaign
     from campaigns.road_plan import RoadPlan
 
     table = store.campaign.get("plan", {})
-    kinds: dict[Any, type[StoredPlan]] = {"road": RoadPlan, "offline": OfflineCampaign}
+    kinds: dict[Any, type[StoredPlan]] = {
+        "road": RoadPlan,
+        "offline": OfflineCampaign,
+        "narx_grid": NarxGrid,
+    }
     try:
         # canonical JSON has its keys in order of the alphabet, the tables have the plan's
-        table = {**table, "faults": {name: table["faults"][name] for name in store.campaign["conditions"]}}
+        if "faults" in table:
+            faults = {name: table["faults"][name] for name in store.campaign["conditions"]}
+            table = {**table, "faults": faults}
         return kinds[table.get("kind")](**table)
     except (KeyError, TypeError, AttributeError, ValidationError):
-        raise CampaignError(f"{store.path}: holds no road trial and no offline campaign") from None
+        raise CampaignError(f"{store.path}: holds no campaign that can be reported on") from None

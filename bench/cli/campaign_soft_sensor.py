@@ -1,66 +1,16 @@
-"""Running the campaigns of soft sensors: the grid of networks, chapter III's figures, leave one out.
+"""Running the campaigns of soft sensors that keep no store: chapter III's figures, leave one out.
 
 Belongs here: progress, files, what is printed. Never: what is run, how a table is made.
 """
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from campaigns.narx import Measured
-    from campaigns.narx_plan import NarxGrid, NarxLeaveOneOut, NarxPerformance
-
-
-def grid(plan: NarxGrid, workers: int, store: Path | None) -> Any:
-    """Train what the store lacks of Table III.2 and print it."""
-    from dataclasses import asdict
-
-    from rich.console import Console
-
-    from bench.whole import whole
-    from campaigns.narx import Cell, cells
-    from campaigns.narx import grid as train_grid
-    from campaigns.soft_sensor_tables import grid_table
-
-    key = plan.model_dump_json()
-    done: dict[tuple[int, int, int], Cell] = {}
-    if store and store.exists():
-        done = _stored(store, key)
-    wanted = [cell for cell in cells(plan) if cell not in done]
-
-    def keep(cell: Cell) -> None:
-        done[cell.neurons, cell.delays, cell.seed] = cell
-        if store:
-            with whole(store) as part:
-                rows = [asdict(row) for row in done.values()]
-                part.write_text(json.dumps({"of": key, "cells": rows}, indent=1), encoding="utf-8")
-
-    if wanted:
-        with _bar("training", len(wanted)) as advance:
-            for cell in train_grid(plan, wanted, workers, keep):
-                advance(f"N = {cell.neurons}, d = {cell.delays}, seed {cell.seed}")
-    found = [done[cell] for cell in cells(plan)]
-    console = Console()
-    console.print(f"[bold]{plan.title}[/]: {plan.stands_for}", highlight=False)
-    console.print(grid_table(plan, found), highlight=False)
-    return [asdict(cell) for cell in found]
-
-
-def _stored(store: Path, key: str) -> dict[tuple[int, int, int], Any]:
-    from campaigns.errors import CampaignError
-    from campaigns.narx import Cell
-
-    try:
-        table = json.loads(store.read_text(encoding="utf-8"))
-        if table["of"] != key:
-            raise CampaignError(f"{store}: holds the results of another campaign")
-        found = [Cell(**row) for row in table["cells"]]
-    except (ValueError, KeyError, TypeError):
-        raise CampaignError(f"{store}: holds no results of a campaign") from None
-    return {(cell.neurons, cell.delays, cell.seed): cell for cell in found}
+    from campaigns.narx_plan import NarxLeaveOneOut, NarxPerformance
 
 
 def performance(

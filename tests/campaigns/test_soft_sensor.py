@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from bench import pool
 from bench.errors import LapError
 from bench.laps.lap import Lap
 from bench.plant.motorcycle import load_motorcycle
@@ -13,7 +14,7 @@ from bench.plant.route import load_route
 from bench.sensors.datasheets import IDEAL, load_sensors
 from campaigns import narx as room
 from campaigns.errors import CampaignError
-from campaigns.narx import Cell, cells, grid, leave_one_out, performance
+from campaigns.narx import Cell, grid_cells, grid_trials, grid_work, leave_one_out, performance
 from campaigns.narx_plan import Laps, NarxGrid, NarxLeaveOneOut, NarxPerformance
 from campaigns.plan import NAMES, load
 from campaigns.soft_sensor import (
@@ -146,12 +147,21 @@ GRID = NarxGrid(
 
 
 def test_a_grid_is_the_same_for_any_number_of_workers(short_laps):
-    """One and two processes give equal cells, in the order of the table; each is told of."""
-    told: list[Cell] = []
-    one = list(grid(GRID, cells(GRID), 1, told.append))
-    assert [(c.neurons, c.delays, c.seed) for c in one] == cells(GRID)
-    assert told == one
-    assert list(grid(GRID, cells(GRID), 2, lambda _: None)) == one
+    """One and two processes give equal figures, in the order of the table."""
+    trials, work = grid_trials(GRID), grid_work(GRID)
+    one = list(pool.results(work, trials, 1))
+    assert list(pool.results(work, trials, 2)) == one
+    rows = [(trial.document(), result) for trial, (result, _) in zip(trials, one, strict=True)]
+    found = grid_cells(GRID, reversed(rows))
+    assert [(c.neurons, c.delays, c.seed) for c in found] == [(t.neurons, t.delays, t.seed) for t in trials]
+
+
+def test_a_grid_cell_that_diverged():
+    """A network that diverged is stored as no number, and passes nothing."""
+    [trial] = grid_trials(GRID)[:1]
+    figures = {"training_percent": None, "test_percent": None}
+    [cell] = grid_cells(GRID, [(trial.document(), figures)])
+    assert not cell.passes(1e9)
 
 
 def test_a_grid_cell_counts_the_seeds_that_pass():
@@ -206,7 +216,7 @@ def test_an_unknown_kind_is_refused(tmp_path):
     """A campaign of no known kind is refused by value."""
     path = tmp_path / "mine.toml"
     path.write_text('kind = "lottery"\ntitle = "x"\n')
-    with pytest.raises(CampaignError, match="kind is 'lottery', none of road, narx_grid"):
+    with pytest.raises(CampaignError, match="kind is 'lottery', none of road, offline, narx_grid"):
         load(str(path))
 
 

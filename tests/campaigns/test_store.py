@@ -401,3 +401,15 @@ def test_moved(filled, tmp_path):
     filled.unlink()
     with Store.read(Path(copy)) as store:
         assert store.content_hash() == expected
+
+
+def test_new_store_of_a_run_that_failed_at_once(path):
+    """A new store whose run fails before its first trial leaves no file; with a trial in it, it stays."""
+    with pytest.raises(RuntimeError), Store.open(path, CAMPAIGN):
+        raise RuntimeError
+    assert list(path.parent.iterdir()) == []
+    with pytest.raises(RuntimeError), Store.open(path, CAMPAIGN) as store:
+        fill(store, [0])
+        raise RuntimeError
+    with Store.read(path) as store:
+        assert len(store.ids()) == 1

@@ -58,26 +58,15 @@ def test_list(bench):
 
 
 def test_a_grid_is_stored_and_taken_up_again(bench, plan, tmp_path, monkeypatch):
-    """What is finished is kept in the store, and a second run trains only what is missing."""
-    store, out = tmp_path / "grid.json", tmp_path / "out.json"
+    """What is finished is kept in the store, and a second run trains nothing."""
+    store, out = tmp_path / "grid.sqlite", tmp_path / "out.json"
     first = bench("campaign", "run", plan, "--workers", 1, "--store", store, "--json", out)
     assert first.code == 0, first.err
-    kept = json.loads(store.read_text())
-    assert len(kept["cells"]) == len(json.loads(out.read_text())) == 2
-    store.write_text(json.dumps({**kept, "cells": kept["cells"][:1]}))
-    trained = []
-    cell = room._cell
-    monkeypatch.setattr(room, "_cell", lambda which, **more: trained.append(which) or cell(which, **more))
-    again = bench("campaign", "run", plan, "--workers", 1, "--store", store)
-    assert again.out == first.out
-    assert trained == [(2, 2, 0)]
-
-
-def test_a_store_of_another_campaign_is_refused(refused, plan, tmp_path):
-    """A store that holds another campaign's results, or none, is left alone."""
-    for content, says in (('{"of": "x", "cells": []}', "of another campaign"), ("[]", "no results")):
-        (tmp_path / "store.json").write_text(content)
-        assert says in refused("campaign", "run", plan, "--store", tmp_path / "store.json")
+    assert "Table III.2" in first.out
+    assert len(json.loads(out.read_text())["tables"]["cells"]) == 2
+    monkeypatch.setattr(room, "_cell", lambda *_: pytest.fail("trained again"))
+    assert bench("campaign", "run", plan, "--workers", 1, "--store", store).out == first.out
+    assert bench("campaign", "report", store).out == first.out
 
 
 def test_performance_on_laps_of_ones_own(bench, folder, tmp_path):
@@ -98,7 +87,8 @@ def test_performance_on_laps_of_ones_own(bench, folder, tmp_path):
     [
         (("nothing",), "unknown campaign 'nothing'; the known ones are demo,"),
         (("narx_leave_one_out",), "needs --laps DIR, a folder of recorded rides"),
-        (("narx_grid", "--fail-fast"), "takes --laps, --model, --workers, --store, --json and --html alone"),
+        (("narx_performance", "--fail-fast"), "takes --laps, --model, --workers, --json and --html alone"),
+        (("narx_grid", "--model", "x.json"), "takes none of --laps, --model and --html"),
         (("narx_grid", "--workers", 0), "--workers is 0; it must be at least 1"),
     ],
 )

@@ -133,7 +133,7 @@ def test_report_of_a_store(bench, plan):
 
 
 def test_report_against_another_store(bench, plan, tmp_path):
-    """Two detectors' runs of the same laps: which verdicts changed, on the terminal, as JSON and as a page."""
+    """Two detectors on the same laps: which verdicts changed, on the terminal, as JSON, as a page."""
     pytest.importorskip("plotly", reason="plotly is not installed")
     run(bench, plan)
     run(bench, plan, "--model", "gsxr1000_checks", "--store", "checks.sqlite")
