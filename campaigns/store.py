@@ -12,7 +12,7 @@ import sqlite3
 import tempfile
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -192,8 +192,11 @@ class Store:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        # what failed before its first trial leaves no empty store behind
-        self._close(discard=self._new and error is not None and not self.ids())
+        discard = False
+        if self._new and self._lock and error is not None:
+            with suppress(CampaignError):
+                discard = not self.ids()  # what failed before its first trial leaves no empty store behind
+        self._close(discard)
 
     def _begin(self, campaign: Mapping[str, Any]) -> None:
         text = canonical(campaign)

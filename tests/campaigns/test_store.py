@@ -408,8 +408,7 @@ def test_new_store_of_a_run_that_failed_at_once(path):
     with pytest.raises(RuntimeError), Store.open(path, CAMPAIGN):
         raise RuntimeError
     assert list(path.parent.iterdir()) == []
-    with pytest.raises(RuntimeError), Store.open(path, CAMPAIGN) as store:
-        fill(store, [0])
-        raise RuntimeError
+    with pytest.raises(ValueError, match="is in it already"), Store.open(path, CAMPAIGN) as store:
+        fill(store, [0, 0])
     with Store.read(path) as store:
         assert len(store.ids()) == 1
