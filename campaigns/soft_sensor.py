@@ -24,6 +24,7 @@ from targets.narx.measures import Performance
 from targets.narx.network import Narx
 from targets.narx.prepare import RANGES, resampled
 from targets.narx.sequences import Sequences
+from targets.narx.settings import relative_suits
 
 Floats = NDArray[np.float64]
 
@@ -117,7 +118,10 @@ def baselines(training: Sequences, data: Sequences, motorcycle: Motorcycle | Non
             )
             found.append(_half_car("half-car (II.2)", car, data))
         found.append(_half_car("half-car, fitted", fitted(training), data))
-    constant = measures.best_constant(np.concatenate([y[WASHOUT:] for _, y in training.runs]))
+    every = np.concatenate([y[WASHOUT:] for _, y in training.runs])
+    # the least Er (III.2), where errors can be divided by the output
+    relative = relative_suits(training, ranges()[training.output])
+    constant = measures.best_constant(every) if relative else float(np.mean(every))
     found.append(Predictor("best constant", tuple(np.full(len(y), constant) for _, y in data.runs)))
     return found
 
