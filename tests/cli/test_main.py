@@ -87,7 +87,7 @@ def test_demo(bench, monkeypatch):
     assert (first.code, first.err) == (0, "")
     order = [first.out.index(text) for text in ("INVALID runs", "V.14", "V.15", "V.13")]
     # the title names the tables, too: what counts is where they begin
-    order[1:3] = [first.out.index(f"Table V.{k}  ") for k in (14, 15)]
+    order[1:3] = [first.out.index(f"(Table V.{k})") for k in (14, 15)]
     assert order == sorted(order)
     assert bench("demo", "--workers", 1).out == first.out
 
