@@ -201,7 +201,8 @@ def about(campaign: dict[str, Any], rows: Sequence[Any]) -> str:
     """One line: how many trials, of which laps, on which ECU."""
     plan = campaign["plan"]
     route = plan.get("route") or plan["test"]["route"]
-    laps = "laps of one's own" if campaign["laps"] else f"route {route}"
+    routes = route if isinstance(route, str) else ", ".join(route)
+    laps = "laps of one's own" if campaign["laps"] else f"route {routes}"
     ecus = {(one["ecu"], one["runs_on"]) for one in campaign.get("ecu", [])}
     places = {"mcu": "the emulated STM32F405", "host": "the host core"}
     on = "".join(f"; ECU {ecu} on {places[place]}, CAN at 500 kbit/s" for ecu, place in sorted(ecus))
