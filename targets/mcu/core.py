@@ -1,7 +1,7 @@
-"""The core's run loop: time by basic blocks, exceptions in and out, sleep. All compiled.
+"""The core's run loop: exceptions in and out, device events, sleep. All compiled.
 
-unicorn executes instructions; what it lacks on Cortex-M is done here: the cost of each block (a difference of
-the cumulated costs in the state), the stop at a deadline, exception entry and return with FP context, WFI.
+unicorn executes instructions; what it lacks on Cortex-M is done here: exception entry and return with FP
+context, WFI, and the stop at a deadline or a device's next event. Time passes in `blocks`.
 """
 
 from typing import Any
@@ -10,14 +10,12 @@ from numba import carray, types
 from unicorn import arm_const as arm
 
 from targets.jit import cfunc, njit
-from targets.mcu import native, nvic
+from targets.mcu import events, native, nvic
 from targets.mcu.clock import cycles_at
 from targets.mcu.state import (
     ACTIVE_DEPTH,
     ATTEND,
-    BRANCH_PENALTY,
     CAN_TX_NEW,
-    CODE_HALFWORDS,
     COST,
     CPACR,
     CYCLES,
@@ -25,10 +23,8 @@ from targets.mcu.state import (
     ENTRY_CYCLES,
     ERROR,
     EXIT_CYCLES,
-    HALFWORDS,
     NEXT,
     PC,
-    RAM_BLOCKS,
     RESET_REQUEST,
     RETURNING,
     SLEEPING,
@@ -39,8 +35,6 @@ from targets.mcu.state import (
     VTOR,
     State,
 )
-
-FLASH = 0x08000000
 
 REG_PC, REG_SP, REG_LR, REG_R12 = arm.UC_ARM_REG_PC, arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR, arm.UC_ARM_REG_R12
 REG_R0, REG_S0, REG_FPSCR = arm.UC_ARM_REG_R0, arm.UC_ARM_REG_S0, arm.UC_ARM_REG_FPSCR
@@ -54,36 +48,6 @@ TIME, TRANSMIT, FAULT, RESET = 0, 1, 2, 3
 ERROR_STACK, ERROR_INTERRUPT = 1000, 1001
 
 BASIC_FRAME, FP_FRAME = 32, 104
-
-
-@cfunc(types.void(types.voidptr, types.uint64, types.uint32, types.voidptr), cache=True)
-def on_block(engine: Any, address: int, size: int, user: Any) -> None:
-    """uc_cb_hookcode_t of basic blocks: charge the block, or stop before it."""
-    head = carray(user, (COST,), types.int64)
-    at = types.int64(address)
-    if head[CYCLES] >= head[DEADLINE] or head[ATTEND] == 1:
-        head[STOPPED] = 1
-        native.stop(head)
-        return
-    if head[ATTEND] == 2 and native.get_register(head, REG_PRIMASK) & 1 == 0:
-        head[STOPPED] = 1
-        native.stop(head)
-        return
-    if at != head[NEXT]:
-        head[CYCLES] += head[BRANCH_PENALTY]
-    end = at + size
-    head[NEXT] = end
-    first = (at - FLASH) >> 1
-    last = (end - FLASH) >> 1
-    limit = head[CODE_HALFWORDS]
-    head[HALFWORDS] += last - first
-    if first < 0 or last > limit:
-        # Code in RAM has no costs yet: a halfword a cycle, and reported.
-        head[CYCLES] += last - first
-        head[RAM_BLOCKS] += 1
-        return
-    S = carray(user, (COST + limit + 1,), types.int64)
-    head[CYCLES] += S[COST + last] - S[COST + first]
 
 
 @cfunc(types.void(types.voidptr, types.uint32, types.voidptr), cache=True)
@@ -190,9 +154,11 @@ def run(S: State) -> int:
             return RESET
         if S[CAN_TX_NEW]:
             return TRANSMIT
-        S[DEADLINE] = cycles_at(S, S[UNTIL_NS])
-        if S[CYCLES] >= S[DEADLINE]:
+        events.service(S)
+        until = cycles_at(S, S[UNTIL_NS])
+        if S[CYCLES] >= until:
             return TIME
+        S[DEADLINE] = min(until, events.due(S))
         irq = nvic.candidate(S)
         S[ATTEND] = 0
         if irq >= 0:
@@ -205,7 +171,7 @@ def run(S: State) -> int:
                     return FAULT
         elif S[SLEEPING]:
             S[CYCLES] = S[DEADLINE]
-            return TIME
+            continue
         S[STOPPED] = 0
         error = native.start(S, S[PC] | 1)
         S[PC] = native.get_register(S, REG_PC) & 0xFFFFFFFF

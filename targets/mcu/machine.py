@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from targets.errors import FirmwareFault
-from targets.mcu import bxcan, clock, core, cycles, native, peripherals, rcc, scs, state
+from targets.mcu import blocks, bxcan, clock, core, cycles, native, peripherals, rcc, scs, state
 from targets.mcu.image import FLASH, Image
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
                 uc._uch, base, size, ctypes.c_void_p(read.address), user, ctypes.c_void_p(write.address), user
             )
         )
-    _hook(library, uc, unicorn.UC_HOOK_BLOCK, core.on_block.address, user)
+    _hook(library, uc, unicorn.UC_HOOK_BLOCK, blocks.on_block.address, user)
     _hook(library, uc, unicorn.UC_HOOK_INTR, core.on_interrupt.address, user)
     return uc
 

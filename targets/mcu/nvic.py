@@ -1,7 +1,7 @@
 """Nested vectored interrupt controller (ARMv7-M B3.4): what is pending, what may preempt what."""
 
 from targets.jit import njit
-from targets.mcu import bxcan
+from targets.mcu import lines
 from targets.mcu.state import (
     ACTIVE,
     ACTIVE_DEPTH,
@@ -31,17 +31,9 @@ def _is_active(S: State, exception: int) -> bool:
 
 
 @njit(cache=True)
-def _level(S: State, irq: int) -> bool:
-    """Whether a device holds the line of `irq` up."""
-    if bxcan.TX_IRQ <= irq <= bxcan.RX1_IRQ:
-        return bxcan.line(S, irq)
-    return False
-
-
-@njit(cache=True)
 def is_pending(S: State, irq: int) -> bool:
     """Latched by software, or its line is up and its handler not running."""
-    return _bit(S, NVIC_LATCHED, irq) == 1 or (_level(S, irq) and not _is_active(S, irq + 16))
+    return _bit(S, NVIC_LATCHED, irq) == 1 or (lines.level(S, irq) and not _is_active(S, irq + 16))
 
 
 @njit(cache=True)

@@ -101,8 +101,13 @@ UNMODELLED_MAX = 64
 # Stack frame in transit: 26 words of 32 bits
 STACK = 600
 
+# 1024..1279: core and system
+# 1280..1535: bxCAN
+# 1536..3071: other devices
+# 3072..4095: time
+
 # Cycles before the instruction at (flash origin + 2 i)
-COST = 640
+COST = 4096
 
 
 def allocate(flash_bytes: int) -> State:
