@@ -105,6 +105,9 @@ STACK = 600
 # 1280..1535: bxCAN
 # 1536..3071: other devices
 # 3072..4095: time
+# The same count as CYCLES with the timing model's optimistic and its pessimistic figures
+CYCLES_MIN = 3072
+CYCLES_MAX = 3073
 
 # Cycles before the instruction at (flash origin + 2 i)
 COST = 4096

@@ -18,7 +18,8 @@ HEAVY = (
 
 def test_start_imports_nothing_heavy():
     """`bench --help` leaves numerics, buses, emulator and what else is slow to import alone."""
-    code = f"import sys, typer, bench.cli.main; typer.main.get_command(bench.cli.main.app); print([name for name in {HEAVY} if name in sys.modules])"
+    start = "import sys, typer, bench.cli.main; typer.main.get_command(bench.cli.main.app)"
+    code = f"{start}; print([name for name in {HEAVY} if name in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert found.stdout == "[]\n"
 
