@@ -1,5 +1,8 @@
-"""Time by basic blocks: unicorn's block hook charges each block before it runs, and stops the engine when
-due.
+"""Time by basic blocks: the block hook charges each block before it runs, and stops the engine when due.
+
+What a block costs depends on the state in which the pipeline reaches it. A state has a number, and
+(state, block) -> (cycles, next state) is computed once and remembered, so that the sum over a run is the
+simulation of all its instructions. Belongs here: remembering, charging. Never: what an instruction costs.
 """
 
 from typing import Any
@@ -7,50 +10,161 @@ from typing import Any
 from numba import carray, types
 from unicorn import arm_const as arm
 
-from targets.jit import cfunc
-from targets.mcu import native
+from targets.jit import cfunc, njit
+from targets.mcu import art, native, pipeline
+from targets.mcu.decode import INFO, SIZE_AT
+from targets.mcu.pipeline import NOWHERE
 from targets.mcu.state import (
     ATTEND,
-    BRANCH_PENALTY,
-    CODE_HALFWORDS,
-    COST,
+    BLOCK,
+    BLOCK_CYCLES,
+    BLOCK_END,
+    BLOCK_FLOW,
+    BLOCK_TAKEN,
     CYCLES,
+    CYCLES_MAX,
+    CYCLES_MIN,
     DEADLINE,
-    HALFWORDS,
+    DECODE_AT,
+    DECODE_SIZE,
+    FLASH_ACR,
+    FLOW,
+    FLOW_WORDS,
+    FLOWS,
+    FLOWS_MAX,
+    FLOWS_USED,
+    INSTRUCTIONS,
+    MEMO,
+    MEMO_MAX,
+    MEMO_WORDS,
     NEXT,
-    RAM_BLOCKS,
+    PC,
+    RESULT,
+    SITE,
+    SIZE,
     STOPPED,
+    State,
 )
 
-FLASH = 0x08000000
 REG_PRIMASK = arm.UC_ARM_REG_PRIMASK
+SETS = 3
+_BITS, _MASK = 20, (1 << 20) - 1
+_SPREAD = 0x2545F4914F6CDD1D
+
+
+@njit(cache=True)
+def cycles_of(packed: int, figures: int) -> int:
+    """Cycles that one set of figures gives a block, from its memory."""
+    return packed >> _BITS * figures & _MASK
+
+
+@njit(cache=True)
+def restart(S: State) -> None:
+    """The next instruction does not follow from the last: an exception, or a debugger, came between."""
+    S[NEXT] = S[PC]
+    S[FLOW] = 0
+
+
+@njit(cache=True)
+def _remember(S: State, entry: int, key: int, at: int, size: int, taken: int) -> bool:
+    """Simulate a block and keep the result at `entry`; False if it has no rows yet."""
+    end = at + size
+    instructions = 0
+    address = at
+    while address < end:
+        row = pipeline.row(address)
+        if row == NOWHERE or S[row + INFO] == 0:
+            return False
+        address += 2 * (S[row + INFO] >> SIZE_AT & 3)
+        instructions += 1
+    cycles = 0
+    flow = FLOWS + FLOW_WORDS * S[FLOW]
+    for k in range(SETS):
+        word = flow + 3 * k
+        spent = pipeline.simulate(S, k, S[word], S[word + 1], S[word + 2], at, end, taken != 0, NOWHERE)
+        cycles |= min(spent, _MASK) << _BITS * k
+        for j in range(3):
+            S[RESULT + 3 + 3 * k + j] = S[RESULT + j]
+    S[entry] = key
+    S[entry + 1] = cycles
+    S[entry + 2] = _number(S) | instructions << 16
+    return True
+
+
+@njit(cache=True)
+def _number(S: State) -> int:
+    """The number of the state in RESULT + 3: the one it has, or a new one."""
+    mixed = 0
+    for k in range(FLOW_WORDS):
+        mixed = (mixed ^ S[RESULT + 3 + k]) * _SPREAD
+    slot = (mixed >> 40) & FLOWS_MAX - 1
+    while True:
+        at = FLOWS + FLOW_WORDS * slot
+        same = True
+        for k in range(FLOW_WORDS):
+            same = same and S[at + k] == S[RESULT + 3 + k]
+        if same:
+            return slot
+        # Number 0 is the state of a program's begin, all zero; no block leaves that.
+        if slot and S[at] == 0:
+            for k in range(FLOW_WORDS):
+                S[at + k] = S[RESULT + 3 + k]
+            S[FLOWS_USED] += 1
+            return slot
+        slot = slot + 1 & FLOWS_MAX - 1
+
+
+@njit(cache=True)
+def _forget(S: State) -> None:
+    """Make room: all states but the present one go, and with them all blocks. It costs time, not accuracy."""
+    present = FLOWS + FLOW_WORDS * S[FLOW]
+    for k in range(FLOW_WORDS):
+        S[RESULT + 3 + k] = S[present + k]
+    S[FLOWS : FLOWS + FLOW_WORDS * FLOWS_MAX] = 0
+    S[MEMO : MEMO + MEMO_WORDS * MEMO_MAX] = 0
+    S[FLOWS_USED] = 0
+    S[FLOW] = _number(S) if S[RESULT + 3] else 0
 
 
 @cfunc(types.void(types.voidptr, types.uint64, types.uint32, types.voidptr), cache=True)
 def on_block(engine: Any, address: int, size: int, user: Any) -> None:
     """uc_cb_hookcode_t of basic blocks: charge the block, or stop before it."""
-    head = carray(user, (COST,), types.int64)
+    S = carray(user, (SIZE,), types.int64)
     at = types.int64(address)
-    if head[CYCLES] >= head[DEADLINE] or head[ATTEND] == 1:
-        head[STOPPED] = 1
-        native.stop(head)
+    if S[CYCLES] >= S[DEADLINE] or S[ATTEND] == 1:
+        S[STOPPED] = 1
+        native.stop(S)
         return
-    if head[ATTEND] == 2 and native.get_register(head, REG_PRIMASK) & 1 == 0:
-        head[STOPPED] = 1
-        native.stop(head)
+    if S[ATTEND] == 2 and native.get_register(S, REG_PRIMASK) & 1 == 0:
+        S[STOPPED] = 1
+        native.stop(S)
         return
-    if at != head[NEXT]:
-        head[CYCLES] += head[BRANCH_PENALTY]
+    if S[FLOWS_USED] >= FLOWS_MAX * 3 // 4:
+        _forget(S)
+    flow = S[FLOW]
+    taken = types.int64(at != S[NEXT])
+    key = at | taken << 32 | flow << 33 | types.int64(size) << 45
+    entry = MEMO + MEMO_WORDS * ((key * _SPREAD) >> 40 & MEMO_MAX - 1)
+    if S[entry] != key and not _remember(S, entry, key, at, types.int64(size), taken):
+        S[DECODE_AT] = at
+        S[DECODE_SIZE] = size
+        S[STOPPED] = 1
+        native.stop(S)
+        return
     end = at + size
-    head[NEXT] = end
-    first = (at - FLASH) >> 1
-    last = (end - FLASH) >> 1
-    limit = head[CODE_HALFWORDS]
-    head[HALFWORDS] += last - first
-    if first < 0 or last > limit:
-        # Code in RAM has no costs yet: a halfword a cycle, and reported.
-        head[CYCLES] += last - first
-        head[RAM_BLOCKS] += 1
-        return
-    S = carray(user, (COST + limit + 1,), types.int64)
-    head[CYCLES] += S[COST + last] - S[COST + first]
+    S[BLOCK] = at
+    S[BLOCK_END] = end
+    S[BLOCK_FLOW] = flow
+    S[BLOCK_TAKEN] = taken
+    S[SITE] = 0
+    S[NEXT] = end
+    cycles = S[entry + 1]
+    S[BLOCK_CYCLES] = cycles
+    S[CYCLES] += cycles & _MASK
+    S[CYCLES_MIN] += cycles >> _BITS & _MASK
+    S[CYCLES_MAX] += cycles >> 2 * _BITS
+    if S[FLASH_ACR] & art.LATENCY:
+        art.charge(S, at, end, cycles & _MASK)
+    after = S[entry + 2]
+    S[FLOW] = after & 0xFFFF
+    S[INSTRUCTIONS] += after >> 16

@@ -16,17 +16,19 @@ from targets.mcu.state import (
     ACTIVE_DEPTH,
     ATTEND,
     CAN_TX_NEW,
-    COST,
     CPACR,
     CYCLES,
     DEADLINE,
+    DECODE_SIZE,
     ENTRY_CYCLES,
     ERROR,
     EXIT_CYCLES,
+    FLOW,
     NEXT,
     PC,
     RESET_REQUEST,
     RETURNING,
+    SIZE,
     SLEEPING,
     STACK,
     STOPPED,
@@ -42,7 +44,7 @@ REG_XPSR, REG_PRIMASK = arm.UC_ARM_REG_XPSR, arm.UC_ARM_REG_PRIMASK
 EXC_RETURN_INTNO = 8
 
 # What `run` stopped for
-TIME, TRANSMIT, FAULT, RESET = 0, 1, 2, 3
+TIME, TRANSMIT, FAULT, RESET, DECODE = range(5)
 
 # Further codes in ERROR beside unicorn's own
 ERROR_STACK, ERROR_INTERRUPT = 1000, 1001
@@ -53,7 +55,7 @@ BASIC_FRAME, FP_FRAME = 32, 104
 @cfunc(types.void(types.voidptr, types.uint32, types.voidptr), cache=True)
 def on_interrupt(engine: Any, number: int, user: Any) -> None:
     """uc_cb_hookintr_t: EXC_RETURN, or an exception that only a fault handler could take."""
-    S = carray(user, (COST,), types.int64)
+    S = carray(user, (SIZE,), types.int64)
     if number == EXC_RETURN_INTNO:
         S[RETURNING] = 1
     else:
@@ -95,6 +97,7 @@ def enter_exception(S: State, irq: int) -> None:
     native.read_memory(S, S[VTOR] + 4 * (irq + 16), STACK, 4)
     S[PC] = S[STACK] & 0xFFFFFFFE
     S[NEXT] = S[PC]
+    S[FLOW] = 0
     S[CYCLES] += S[ENTRY_CYCLES]
 
 
@@ -122,6 +125,7 @@ def leave_exception(S: State) -> None:
     nvic.leave(S)
     native.set_register(S, REG_XPSR, xpsr & ~(1 << 9) | 1 << 24)
     S[NEXT] = S[PC]
+    S[FLOW] = 0
     # The next handler, if one waits, is reached without unstacking and stacking again.
     if nvic.candidate(S) >= 0:
         S[CYCLES] += S[TAIL_CYCLES] - S[ENTRY_CYCLES]
@@ -179,6 +183,8 @@ def run(S: State) -> int:
             S[ERROR] = error
         if S[ERROR]:
             return FAULT
+        if S[DECODE_SIZE]:
+            return DECODE
         if S[RETURNING]:
             S[RETURNING] = 0
             leave_exception(S)

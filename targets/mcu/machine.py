@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from targets.errors import FirmwareFault
-from targets.mcu import blocks, bxcan, clock, core, cycles, native, peripherals, rcc, scs, state
+from targets.mcu import blocks, bxcan, clock, core, dynamic, native, peripherals, pipeline, rcc, scs, state
+from targets.mcu.decode import INFO, decode
 from targets.mcu.image import FLASH, Image
+from targets.mcu.timing import timing
 
 if TYPE_CHECKING:
     import unicorn
@@ -30,7 +32,7 @@ _EXCEPTIONS = {
 }
 """The engine's exception numbers that no handler of a firmware for this MCU takes here."""
 
-TIME, TRANSMIT, FAULT, RESET = core.TIME, core.TRANSMIT, core.FAULT, core.RESET
+TIME, TRANSMIT, FAULT, RESET, DECODE = core.TIME, core.TRANSMIT, core.FAULT, core.RESET, core.DECODE
 
 
 class Stm32f405:
@@ -46,20 +48,18 @@ class Stm32f405:
         self.flash[: len(image.flash)] = np.frombuffer(image.flash, dtype=np.uint8)
         self._sram = _aligned(SRAM_SIZE)
         self._ccm = _aligned(CCM_SIZE)
-        self.state = state.allocate(len(image.flash))
+        self.state = state.allocate()
+        self._library: ctypes.CDLL
         self._engine = _engine(self)
         self._reset(power_on_ns)
 
     def _reset(self, t_ns: int) -> None:
         S = self.state
-        figures = cycles.timing()
-        costs = cycles.cumulated(self.image.flash, FLASH, list(self.image.code))
-        S[state.COST : state.COST + len(costs)] = costs
-        S[state.CODE_HALFWORDS] = len(costs) - 1
-        S[state.BRANCH_PENALTY] = figures.branch_penalty
-        S[state.ENTRY_CYCLES] = figures.exception_entry
-        S[state.EXIT_CYCLES] = figures.exception_exit
-        S[state.TAIL_CYCLES] = figures.tail_chain
+        figures = timing()
+        S[state.PIPELINE : state.PIPELINE + figures.pipeline.size] = figures.pipeline.ravel()
+        S[state.ENTRY_CYCLES] = figures.exceptions["entry"]
+        S[state.EXIT_CYCLES] = figures.exceptions["exit"]
+        S[state.TAIL_CYCLES] = figures.exceptions["tail_chain"]
         S[state.BASE_NS] = t_ns
         S[state.HZ] = rcc.HSI_HZ
         rcc.reset(S)
@@ -76,12 +76,29 @@ class Stm32f405:
         Raises FirmwareFault if the program did what only a fault handler could answer.
         """
         self.state[state.UNTIL_NS] = until_ns
-        reason = int(core.run(self.state))
+        while (reason := int(core.run(self.state))) == DECODE:
+            self._decode()
         if reason == FAULT:
             raise FirmwareFault(f"{self._fault()} at {self.where()}")
         if reason == RESET:
             raise FirmwareFault(f"the firmware asked for a system reset at {self.where()}")
         return reason
+
+    def _decode(self) -> None:
+        """Give the block that the core is about to run its rows."""
+        S = self.state
+        address, size = int(S[state.DECODE_AT]), int(S[state.DECODE_SIZE])
+        S[state.DECODE_SIZE] = 0
+        at = pipeline.row(address)
+        if at == pipeline.NOWHERE:
+            raise FirmwareFault(f"code runs outside flash and SRAM at {self.where()}")
+        rows = decode(self.read_bytes(address, size), address)
+        S[at : at + rows.size] = rows.ravel()
+        sites = [address + 2 * k for k, info in enumerate(rows[:, INFO].tolist()) if dynamic.is_dynamic(info)]
+        for site in sites:
+            self._hook_code(site, dynamic.on_instruction.address)
+        if sites:
+            self._engine.ctl_remove_cache(address, address + size)
 
     @property
     def now_ns(self) -> int:
@@ -129,6 +146,12 @@ class Stm32f405:
         self.flash[at : at + len(data)] = np.frombuffer(data, dtype=np.uint8)
         self._engine.ctl_remove_cache(address, address + len(data))
 
+    def _hook_code(self, address: int, callback: int) -> None:
+        import unicorn
+
+        user = ctypes.c_void_p(state.as_pointer(self.state))
+        _hook(self._library, self._engine, unicorn.UC_HOOK_CODE, callback, user, address, address)
+
     def _fault(self) -> str:
         import unicorn
 
@@ -153,7 +176,7 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
     from unicorn import arm_const
     from unicorn.unicorn_py3 import unicorn as binding
 
-    library = binding.uclib
+    library = mcu._library = binding.uclib
     uc = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
     uc.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M4)
     # By itself the engine reserves a gigabyte of addresses, and ends the process where it may not.
@@ -192,9 +215,21 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
     return uc
 
 
-def _hook(library: ctypes.CDLL, uc: "unicorn.Uc", kind: int, address: int, user: ctypes.c_void_p) -> None:
+def _hook(
+    library: ctypes.CDLL,
+    uc: "unicorn.Uc",
+    kind: int,
+    callback: int,
+    user: ctypes.c_void_p,
+    begin: int = 1,
+    end: int = 0,
+) -> None:
+    """Add a hook for addresses from `begin` to `end`; the default, begin above end, is everywhere."""
     handle = ctypes.c_size_t()
-    _checked(library.uc_hook_add(uc._uch, ctypes.byref(handle), kind, ctypes.c_void_p(address), user, 1, 0))
+    bounds = ctypes.c_uint64(begin), ctypes.c_uint64(end)
+    _checked(
+        library.uc_hook_add(uc._uch, ctypes.byref(handle), kind, ctypes.c_void_p(callback), user, *bounds)
+    )
 
 
 def _checked(error: int) -> None:

@@ -9,7 +9,7 @@ from numba import carray, types
 
 from targets.jit import cfunc, njit
 from targets.mcu import bxcan, flash, gpio, nvic, rcc, scs
-from targets.mcu.state import COST, UNMODELLED, UNMODELLED_MAX, State
+from targets.mcu.state import SIZE, UNMODELLED, UNMODELLED_MAX, State
 
 PERIPHERALS = 0x40000000
 PERIPHERALS_SIZE = 0x80000
@@ -101,26 +101,26 @@ def _is_bsrr(address: int) -> bool:
 @cfunc(_READ, cache=True)
 def on_peripheral_read(engine: Any, offset: int, size: int, user: Any) -> int:
     """uc_cb_mmio_read_t of the peripherals' region."""
-    S = carray(user, (COST,), types.int64)
+    S = carray(user, (SIZE,), types.int64)
     return load(S, PERIPHERALS + types.int64(offset), types.int64(size))
 
 
 @cfunc(_WRITE, cache=True)
 def on_peripheral_write(engine: Any, offset: int, size: int, value: int, user: Any) -> None:
     """uc_cb_mmio_write_t of the peripherals' region."""
-    S = carray(user, (COST,), types.int64)
+    S = carray(user, (SIZE,), types.int64)
     store(S, PERIPHERALS + types.int64(offset), types.int64(size), types.int64(value))
 
 
 @cfunc(_READ, cache=True)
 def on_system_read(engine: Any, offset: int, size: int, user: Any) -> int:
     """uc_cb_mmio_read_t of the private peripheral bus."""
-    S = carray(user, (COST,), types.int64)
+    S = carray(user, (SIZE,), types.int64)
     return load(S, SYSTEM + types.int64(offset), types.int64(size))
 
 
 @cfunc(_WRITE, cache=True)
 def on_system_write(engine: Any, offset: int, size: int, value: int, user: Any) -> None:
     """uc_cb_mmio_write_t of the private peripheral bus."""
-    S = carray(user, (COST,), types.int64)
+    S = carray(user, (SIZE,), types.int64)
     store(S, SYSTEM + types.int64(offset), types.int64(size), types.int64(value))

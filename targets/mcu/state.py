@@ -25,13 +25,9 @@ BASE_NS = 19
 HZ = 20
 UNTIL_NS = 21
 NEXT = 22  # address that follows the last block in memory: any other one is a branch taken
-BRANCH_PENALTY = 23
 ENTRY_CYCLES = 24
 EXIT_CYCLES = 25
 TAIL_CYCLES = 26
-HALFWORDS = 27  # of code executed: a measure of work
-CODE_HALFWORDS = 28  # that have a cost
-RAM_BLOCKS = 29  # executed outside flash
 
 # Run loop
 ATTEND = 32  # 1: stop at the next block; 2: stop when PRIMASK clears
@@ -104,18 +100,58 @@ STACK = 600
 # 1024..1279: core and system
 # 1280..1535: bxCAN
 # 1536..3071: other devices
-# 3072..4095: time
-# The same count as CYCLES with the timing model's optimistic and its pessimistic figures
+# 3072..3583: time. The same count as CYCLES with the timing model's optimistic and its pessimistic figures
 CYCLES_MIN = 3072
 CYCLES_MAX = 3073
+INSTRUCTIONS = 3074  # executed, those that an IT block skips included
+FLOW = 3075  # state of the pipeline at the end of the last block: a row of FLOWS
+BLOCK = 3076  # the block that runs: its first address, the one past it, and how it was entered
+BLOCK_END = 3077
+BLOCK_FLOW = 3078
+BLOCK_TAKEN = 3079
+SITE = 3080  # the block's last instruction known to have reached a device
+LATE = 3081  # cycles charged already that lie behind that access: model, optimistic, pessimistic
+DECODE_AT = 3084  # a block that has no rows yet: address, bytes
+DECODE_SIZE = 3085
+FLOWS_USED = 3086
+BLOCK_CYCLES = 3087  # of the block that runs, as its memory has them
+PIPELINE = 3088  # figures of timing.toml, SETS rows
+ART_LINE = 3180  # the line in the fetch unit
+ART_CLOCK = 3181
+AGU_READY = 3184  # scratch of the simulation: 16 core registers, 32 FP registers, fetch times
+FP_READY = 3200
+ISSUED = 3232
+FREED = 3236
+RESULT = 3240  # of one block: the state at its end, three words; then those of all sets
 
-# Cycles before the instruction at (flash origin + 2 i)
-COST = 4096
+# Pipeline states: nine words each, three for every set of figures; a row's number is its name
+FLOWS = 4096
+FLOW_WORDS = 9
+FLOWS_MAX = 2048
+
+# Memory of blocks: key; cycles of the three sets, 20 bits each; next state and instructions
+MEMO = FLOWS + FLOW_WORDS * FLOWS_MAX
+MEMO_WORDS = 4
+MEMO_MAX = 4096
+
+# Rows of decoded instructions by halfword: flash, then SRAM
+ROWS = MEMO + MEMO_WORDS * MEMO_MAX
+ROW_WORDS = 8
+FLASH_HALFWORDS = 0x80000
+SRAM_HALFWORDS = 0x10000
+
+# The flash's instruction cache: slot of each line plus one, lines of the slots, when each was used last
+FLASH_LINES = 0x10000
+ART_MAP = ROWS + ROW_WORDS * (FLASH_HALFWORDS + SRAM_HALFWORDS)
+ART_SLOTS = ART_MAP + FLASH_LINES
+ART_STAMPS = ART_SLOTS + 64
+
+SIZE = ART_STAMPS + 64
 
 
-def allocate(flash_bytes: int) -> State:
-    """A zeroed state for `flash_bytes` of executable flash, knowing its own address."""
-    state = np.zeros(COST + flash_bytes // 2 + 1, dtype=np.int64)
+def allocate() -> State:
+    """A zeroed state that knows its own address. Most of its pages are never touched."""
+    state = np.zeros(SIZE, dtype=np.int64)
     state[SELF] = state.ctypes.data
     return state
 

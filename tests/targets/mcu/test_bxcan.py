@@ -24,7 +24,7 @@ RATE = 500_000
 @pytest.fixture
 def can():
     """bxCAN at 22 MHz and 500 kbit/s, in normal mode, no filter active."""
-    S = allocate(0)
+    S = allocate()
     S[HZ] = 22_000_000
     rcc.reset(S)
     bxcan.reset(S)
@@ -49,7 +49,7 @@ def arrive(S, identifier, data=0):
 
 def test_reset_is_sleep():
     """After reset the controller sleeps and hears nothing (section 32.4.3)."""
-    S = allocate(0)
+    S = allocate()
     S[HZ] = 16_000_000
     bxcan.reset(S)
     assert bxcan.read(S, MSR) & 3 == 2

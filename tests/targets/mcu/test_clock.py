@@ -10,7 +10,7 @@ CR, PLLCFGR, CFGR = 0x00, 0x04, 0x08
 
 @pytest.fixture
 def S():
-    S = allocate(0)
+    S = allocate()
     S[HZ] = rcc.HSI_HZ
     rcc.reset(S)
     return S

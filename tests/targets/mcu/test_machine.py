@@ -53,9 +53,9 @@ def test_boots_to_sleep_at_22_mhz(booted):
 
 def test_sleep_costs_no_emulation(booted):
     """Idle time passes without executing code."""
-    before = int(booted.mcu.state[state.HALFWORDS])
+    before = int(booted.mcu.state[state.INSTRUCTIONS])
     assert booted.advance(3_600_000 * MS) is None
-    assert int(booted.mcu.state[state.HALFWORDS]) == before
+    assert int(booted.mcu.state[state.INSTRUCTIONS]) == before
     assert booted.mcu.now_ns >= 3_600_000 * MS
 
 
@@ -80,10 +80,10 @@ def test_step_cycles_are_of_the_right_size(booted):
 
 def test_acceleration_frames_do_not_wake_it(booted):
     """The filters keep out what the network does not use."""
-    before = int(booted.mcu.state[state.HALFWORDS])
+    before = int(booted.mcu.state[state.INSTRUCTIONS])
     booted.receive(Frame(0x102, bytes(5)), 0)
     booted.advance(5 * MS)
-    assert int(booted.mcu.state[state.HALFWORDS]) == before
+    assert int(booted.mcu.state[state.INSTRUCTIONS]) == before
     assert booted.mcu.state[state.CAN_LOST] == 1
 
 

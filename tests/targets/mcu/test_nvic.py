@@ -10,7 +10,7 @@ ISER, ICER, ISPR, ICPR, IPR = 0x000, 0x080, 0x100, 0x180, 0x300
 
 @pytest.fixture
 def S():
-    return allocate(0)
+    return allocate()
 
 
 def pend(S, irq, priority=0):
