@@ -31,6 +31,8 @@ ROOM = 16 * 1024
 """Bytes of the flash sector that holds the image."""
 
 MAX_NEURONS, MAX_DELAYS, MAX_INPUTS, MAX_SHIFT = 32, 16, 7, 15
+MAX_WEIGHT = 1e9
+"""Larger ones could overflow single precision, and a prediction that is no number never raises an alarm."""
 
 _HEAD = struct.Struct("<12I6f")
 _CHECKS = struct.Struct("<6I8f")
@@ -52,6 +54,8 @@ class Calibration:
     baselines: dict[str, dict[str, float]] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
+        import numpy as np
+
         n, d = self.network.neurons, self.network.delays
         _bound("neurons", n, 1, MAX_NEURONS)
         _bound("delays", d, 1, MAX_DELAYS)
@@ -70,6 +74,8 @@ class Calibration:
             _bound(f"range of {name!r}: high end", high, -1e6, 1e6)
             _bound(f"range of {name!r}: width", high - low, 1e-6, 2e6)
         _bound("initial_mm", self.network.initial_mm, -1e6, 1e6)
+        for name in ("W1", "b1", "w2", "b2"):
+            _bound(f"largest of {name}", float(np.max(np.abs(getattr(self.network, name)))), 0, MAX_WEIGHT)
         if self.detector.feedback == "measured" and self.network.shift:
             raise CalibrationError(
                 f"feedback measured with shift {self.network.shift}: the stroke {self.network.shift} samples "

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dbc import CHANNELS
-from targets.calibration import ROOM, Calibration, Detector, dumps, load, loads
+from targets.calibration import MAX_WEIGHT, ROOM, Calibration, Detector, dumps, load, loads
 from targets.ecus import DEFAULT_CALIBRATION
 from targets.errors import CalibrationError
 from targets.narx.network import Narx
@@ -54,7 +54,7 @@ def test_comes_back(shape):
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.lists(st.floats(-(2.0**100), 2.0**100, width=32), min_size=9, max_size=9))
+@given(st.lists(st.floats(-MAX_WEIGHT, MAX_WEIGHT, width=32), min_size=9, max_size=9))
 def test_any_weight_comes_back(values):
     """Every single-precision weight survives its decimal text, subnormal ones, too."""
     net = replace(network(2, 1), W1=np.array(values[:8]).reshape(2, 4), b2=values[8])
@@ -217,6 +217,7 @@ WRONG_SIZES = [
     ((*NET, "inputs", 0, "channel"), "new\nline", r"unknown input 'new\\nline'"),
     ((*NET, "inputs", 0, "channel"), "speed_kmh", "one or more distinct channels"),
     ((*NET, "initial_mm"), 1e30, "initial_mm is 1e\\+30, the ECU takes"),
+    ((*NET, "output_weights", 0), 1e30, "largest of w2 is 1e\\+30, the ECU takes 0 to 1000000000.0"),
     ((*DET, "window"), 0, "window is 0, the ECU takes 1 to 128"),
     ((*DET, "window"), 129, "window is 129, the ECU takes 1 to 128"),
     ((*DET, "window"), 20.0, "window is 20.0, not an integer"),

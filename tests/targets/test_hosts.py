@@ -41,9 +41,11 @@ HOSTS = {
 }
 
 
-@pytest.fixture(params=HOSTS)
+@pytest.fixture(params=[*HOSTS, "sanitized"])
 def power_on(request):
     """Switches on an ECU: power_on(calibration, role)."""
+    if request.param == "sanitized":
+        return request.getfixturevalue("sanitized")
     if request.param == "host" and library() is None:
         pytest.skip("the host core is not built: no C compiler was found at installation")
     return HOSTS[request.param]

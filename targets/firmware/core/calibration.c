@@ -19,13 +19,34 @@ static uint32_t crc32(const uint8_t *data, uint32_t length) {
     return ~crc;
 }
 
+/* Whether all floats from one offset to another are; NaN is not. */
+static int bounded(const calibration *c, size_t from, size_t to) {
+    for (; from < to; from += sizeof(float)) {
+        float v = *(const float *)(const void *)((const uint8_t *)c + from);
+        if (!(v >= -MAX_NUMBER && v <= MAX_NUMBER)) return 0;
+    }
+    return 1;
+}
+
+static int numbers_bounded(const calibration *c) {
+    for (uint32_t i = 0; i < c->inputs; i++) {
+        size_t end = offsetof(calibration, input) + (i + 1u) * sizeof(input_scaling);
+        if (!bounded(c, end - 2u * sizeof(float), end)) return 0;
+    }
+    return bounded(c, offsetof(calibration, threshold), offsetof(calibration, detector)) &&
+           bounded(c, offsetof(calibration, rail_low_mm), offsetof(calibration, input)) &&
+           bounded(c, offsetof(calibration, output_bias), c->size) && c->floor_mm >= MIN_FLOOR_MM &&
+           c->loss_floor_mm >= MIN_FLOOR_MM;
+}
+
 enum calibration_fault calibration_check(const calibration *c, uint32_t room) {
     if (c->magic != CALIBRATION_MAGIC || c->version != CALIBRATION_VERSION) return CALIBRATION_ABSENT;
     if (c->neurons < 1u || c->neurons > MAX_NEURONS || c->delays < 1u || c->delays > MAX_DELAYS) {
         return CALIBRATION_SHAPE;
     }
     if (c->inputs < 1u || c->inputs > MAX_INPUTS || c->window < 1u || c->window > MAX_WINDOW) return CALIBRATION_SHAPE;
-    if (c->shift > MAX_SHIFT || c->multiple < 1u || c->detector > DETECTOR_CHECKS) return CALIBRATION_SHAPE;
+    if (c->shift > MAX_SHIFT || c->detector > DETECTOR_CHECKS) return CALIBRATION_SHAPE;
+    if (c->multiple < 1u || c->multiple > MAX_MULTIPLE) return CALIBRATION_SHAPE;
     if (c->hold_window < 2u || c->hold_window > MAX_HOLD_WINDOW) return CALIBRATION_SHAPE;
     if (c->loss_window < 1u || c->loss_window > MAX_LOSS_WINDOW) return CALIBRATION_SHAPE;
     for (uint32_t i = 0; i < c->inputs; i++) {
@@ -36,5 +57,5 @@ enum calibration_fault calibration_check(const calibration *c, uint32_t room) {
     if (c->size != size || size > room) return CALIBRATION_SHAPE;
     uint32_t skip = (uint32_t)offsetof(calibration, neurons);
     if (crc32((const uint8_t *)c + skip, size - skip) != c->crc32) return CALIBRATION_CRC;
-    return CALIBRATION_OK;
+    return numbers_bounded(c) ? CALIBRATION_OK : CALIBRATION_NUMBER;
 }

@@ -12,9 +12,14 @@
 #define MAX_INPUTS 7u
 #define MAX_SHIFT 15u
 #define MAX_WINDOW 128u
+#define MAX_MULTIPLE 10000u
 #define MAX_HOLD_WINDOW 128u
 #define MAX_LOSS_WINDOW 512u
 #define MAX_REGRESSORS ((MAX_INPUTS + 1u) * MAX_DELAYS)
+/* Within these no sum and no product of a step overflows, and nothing is divided by zero: what the ECU says is
+ * always a number. A residual that is none would lie above no threshold, and raise no alarm. */
+#define MAX_NUMBER 1e9f
+#define MIN_FLOOR_MM 1e-6f
 
 enum feedback { FEEDBACK_PREDICTED = 0, FEEDBACK_MEASURED = 1 };
 enum detector { DETECTOR_RESIDUAL = 0, DETECTOR_CHECKS = 1 };
@@ -69,7 +74,7 @@ static inline uint32_t calibration_stride(const calibration *c) {
     return ((c->inputs + 1u) * c->delays + 3u) & ~3u;
 }
 
-enum calibration_fault { CALIBRATION_OK = 0, CALIBRATION_ABSENT, CALIBRATION_SHAPE, CALIBRATION_CRC };
+enum calibration_fault { CALIBRATION_OK = 0, CALIBRATION_ABSENT, CALIBRATION_SHAPE, CALIBRATION_CRC, CALIBRATION_NUMBER };
 
 /* room: bytes of flash set aside for the image. */
 enum calibration_fault calibration_check(const calibration *c, uint32_t room);

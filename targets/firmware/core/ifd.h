@@ -8,8 +8,8 @@
 
 typedef struct {
     union {
+        checks_state checks; /* the largest first: an initialiser clears no more than the first member */
         residual_state residual;
-        checks_state checks;
     } detector;
     uint32_t steps;
 } ifd_state;

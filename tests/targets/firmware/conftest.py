@@ -5,9 +5,8 @@ import subprocess
 
 import pytest
 
-from targets.firmware import HERE
-
-STRICT = ("-std=c99", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Werror", f"-I{HERE / 'core'}")
+from tests.targets.firmware.maker import Maker
+from tests.targets.firmware.sanitized import CORE, STRICT, TESTS
 
 
 @pytest.fixture(scope="session")
@@ -26,3 +25,17 @@ def compiled(tmp_path_factory):
         return folder / name
 
     return compile_it
+
+
+@pytest.fixture(scope="session")
+def maker(compiled):
+    """The decision maker in a library, optimised."""
+    parts = [CORE / f"{name}.c" for name in ("residual", "checks", "ifd")]
+    more = (*parts, f"-I{TESTS}", "-O2", "-shared", "-fPIC")
+    return Maker(compiled("maker.so", '#include "decide.c"\n', *more))
+
+
+@pytest.fixture(params=["optimised", "sanitized"])
+def decide(request):
+    """decide(image, predicted, measured): the verdicts of the decision maker on a ride."""
+    return request.getfixturevalue("maker" if request.param == "optimised" else "core").decide
