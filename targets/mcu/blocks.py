@@ -11,7 +11,9 @@ from targets.jit import cfunc
 from targets.mcu import native
 from targets.mcu.state import (
     ATTEND,
+    BASE_NS,
     BRANCH_PENALTY,
+    CALL_END,
     CODE_HALFWORDS,
     COST,
     CYCLES,
@@ -20,6 +22,7 @@ from targets.mcu.state import (
     NEXT,
     RAM_BLOCKS,
     STOPPED,
+    UNTIL_NS,
 )
 
 FLASH = 0x08000000
@@ -48,6 +51,12 @@ def on_block(engine: Any, address: int, size: int, user: Any) -> None:
     limit = head[CODE_HALFWORDS]
     head[HALFWORDS] += last - first
     if first < 0 or last > limit:
+        if at == head[CALL_END]:
+            # The branch that led here is charged, what it leads to is not.
+            head[UNTIL_NS] = head[BASE_NS]
+            head[STOPPED] = 1
+            native.stop(head)
+            return
         # Code in RAM has no costs yet: a halfword a cycle, and reported.
         head[CYCLES] += last - first
         head[RAM_BLOCKS] += 1

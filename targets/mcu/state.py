@@ -41,6 +41,7 @@ PC = 35
 ERROR = 36  # unicorn's error code
 RETURNING = 37  # an EXC_RETURN was executed
 RESET_REQUEST = 38
+CALL_END = 47  # address at which a called function's return ends the run
 
 # Cortex-M system control
 VTOR = 48
