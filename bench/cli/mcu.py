@@ -27,11 +27,6 @@ MAX_WAIT_STATES = 7  # FLASH_ACR.LATENCY has three bits
 AnyElf = Annotated[Path, typer.Argument(metavar="ELF", help="A linked ELF file for a Cortex-M4.")]
 
 
-@app.callback()
-def _mcu() -> None:
-    """Keep `call` a command of its own."""
-
-
 @app.command(context_settings={"ignore_unknown_options": True})  # -1 is an argument
 def call(
     elf: AnyElf,
@@ -128,17 +123,15 @@ def _statistics(outcomes: list[Outcome]) -> dict[str, float]:
 def _show_call(result: dict[str, Any], arguments: list[str]) -> None:
     """The result as lines of text."""
     say = typer.echo
+    cycles, instructions = result["cycles"], result["instructions"]
     say(f"{result['symbol']}({', '.join(arguments)}) on the emulated STM32F405")
+    say(f"  cycles        {cycles} (optimistic {result['optimistic']}, pessimistic {result['pessimistic']})")
     say(
-        f"  cycles        {result['cycles']} (optimistic {result['optimistic']}, "
-        f"pessimistic {result['pessimistic']}), {result['microseconds']:.3f} us at {result['clock_mhz']:g} MHz, "
+        f"  time          {result['microseconds']:.3f} us at {result['clock_mhz']:g} MHz, "
         f"{result['wait_states']} wait states"
     )
-    per = result["cycles"] / result["instructions"] if result["instructions"] else 0.0
-    say(f"  instructions  {result['instructions']}, {per:.2f} cycles each")
-    say(
-        f"  result        r0 = {result['r0']} ({result['r0']:#010x}), r1 = {result['r1']} ({result['r1']:#010x})"
-    )
+    say(f"  instructions  {instructions}, {cycles / max(instructions, 1):.2f} cycles each")
+    say("  result        " + ", ".join(f"{r} = {result[r]} ({result[r]:#010x})" for r in ("r0", "r1")))
     calls = result["repeat"]
     if calls["count"] > 1:
         say(
@@ -149,6 +142,61 @@ def _show_call(result: dict[str, Any], arguments: list[str]) -> None:
         )
     for name, content in result["dump"].items():
         say(f"  {name}: {content}")
+
+
+@app.command()
+def run(
+    elf: AnyElf,
+    can: Annotated[
+        str | None,
+        typer.Option(metavar="IFACE[:CHANNEL]", help="A live bus, in wall time, e.g. socketcan:vcan0."),
+    ] = None,
+    bitrate: Annotated[int, typer.Option(metavar="BIT/S", help="Of the bus.")] = 500_000,
+    until: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Stop after so long.  [default: 1 s; on a live bus Ctrl-C]"),
+    ] = None,
+    vectors: Annotated[
+        str, typer.Option(metavar="ADDR", help="Where the vector table is, if a boot loader is skipped.")
+    ] = "0x08000000",
+    trace: Annotated[bool, typer.Option("--trace", help="Show each function as it is entered.")] = False,
+    trace_blocks: Annotated[
+        bool, typer.Option("--trace-blocks", help="Show each basic block as it is run.")
+    ] = False,
+    trace_out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the trace there.  [default: stdout]")
+    ] = None,
+    json_out: Annotated[
+        Path | None, typer.Option("--json", metavar="OUT", help="Write the result as JSON; - for stdout.")
+    ] = None,
+) -> None:
+    """Run a firmware from its vector table and report what it did.
+
+    Without --can its frames go over a timed bus with one other node, which acknowledges. Ctrl-C ends a run
+    with its report.
+
+    Exit code 0: it ran as long as it was to. 2: bad input, or a fault of the firmware.
+    """
+    from bench.cli.mcu_run import Options, report
+    from bench.errors import BenchError
+    from bench.whole import check_writable
+    from targets.mcu.image import load
+
+    try:
+        at = int(vectors, 0)
+    except ValueError:
+        raise BenchError(f"--vectors is {vectors}, which is no address") from None
+    _check(until is None or 0 < until <= 1e6, f"--until is {until} s; it must be above 0, up to 1e6")
+    if json_out:
+        _check_json(json_out)
+    if trace_out:
+        check_writable(trace_out)
+    quiet = str(json_out) == "-"
+    options = Options(can, bitrate, until, trace or trace_blocks, trace_blocks, trace_out, quiet)
+    result, fault = report(load(elf, at), options)
+    _write_json(json_out, result)
+    if fault:
+        raise fault
 
 
 def _wanted(image: Any, text: str) -> tuple[str, int, int]:

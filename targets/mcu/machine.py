@@ -37,7 +37,6 @@ class Stm32f405:
 
     power_on_ns: the instant at which the supply comes up, which may lie before 0.
     flash: uint8, the flash memory itself; what is written to it the program sees (code: see `patch`).
-    engine: unicorn itself, for hooks and memory beside those of the real MCU.
     """
 
     def __init__(self, image: Image, power_on_ns: int = 0) -> None:
@@ -47,9 +46,9 @@ class Stm32f405:
         self._sram = _aligned(SRAM_SIZE)
         self._ccm = _aligned(CCM_SIZE)
         self.state = state.allocate(len(image.flash))
-        self.engine = _engine(self)
+        self._engine = _engine(self)
         for address, content in image.ram:
-            self.engine.mem_write(address, content)
+            self._engine.mem_write(address, content)
         self._reset(power_on_ns)
 
     def _reset(self, t_ns: int) -> None:
@@ -120,25 +119,30 @@ class Stm32f405:
 
     def read_word(self, address: int) -> int:
         """A 32-bit word of memory (not of devices)."""
-        return int.from_bytes(self.engine.mem_read(address, 4), "little")
+        return int.from_bytes(self._engine.mem_read(address, 4), "little")
 
     def read_bytes(self, address: int, count: int) -> bytes:
         """Bytes of memory (not of devices)."""
-        return bytes(self.engine.mem_read(address, count))
+        return bytes(self._engine.mem_read(address, count))
+
+    @property
+    def engine(self) -> "unicorn.Uc":
+        """Unicorn itself, for memory beside that of the real MCU."""
+        return self._engine
 
     def watch_blocks(self, callback: int, user: ctypes.c_void_p) -> None:
         """Have the C function at `callback` called for each basic block, too, once its time is charged."""
         import unicorn
         from unicorn.unicorn_py3 import unicorn as binding
 
-        _hook(binding.uclib, self.engine, unicorn.UC_HOOK_BLOCK, callback, user)
+        _hook(binding.uclib, self._engine, unicorn.UC_HOOK_BLOCK, callback, user)
 
     def patch(self, address: int, data: bytes) -> None:
         """Write to flash as a debugger would: code that has been translated already is forgotten."""
         at = address - FLASH
         self.flash[at : at + len(data)] = np.frombuffer(data, dtype=np.uint8)
         for start in (address, address - FLASH + ALIAS):
-            self.engine.ctl_remove_cache(start, start + len(data))
+            self._engine.ctl_remove_cache(start, start + len(data))
 
     def _fault(self) -> str:
         import unicorn
