@@ -67,6 +67,7 @@ class Caller:
         self.mcu.state[:] = S
         for address, content in memories:
             self.mcu.engine.mem_write(address, content)
+            self.mcu.engine.ctl_remove_cache(address, address + len(content))
 
     def call(self, symbol: str, arguments: Sequence[int], limit_cycles: int = LIMIT_CYCLES) -> Outcome:
         """Call the function `symbol` with 32-bit words (AAPCS: four in registers, the others on the stack).

@@ -56,11 +56,16 @@ class Image:
 
     def word(self, address: int) -> int | None:
         """The 32-bit word loaded at `address`, None where nothing is."""
+        content = self.loaded(address)
+        return int.from_bytes(content[:4], "little") if len(content) >= 4 else None
+
+    def loaded(self, address: int) -> bytes:
+        """What is loaded from `address` on, empty where nothing is."""
         for base, content in ((FLASH, self.flash), *self.ram):
             at = in_flash(address) - base
-            if 0 <= at <= len(content) - 4:
-                return int.from_bytes(content[at : at + 4], "little")
-        return None
+            if 0 <= at < len(content):
+                return content[at:]
+        return b""
 
     @cached_property
     def lines(self) -> dwarf.Lines:
@@ -131,7 +136,7 @@ def _check_vectors(image: Image, at: int) -> None:
 def _is_vectors(image: Image, at: int) -> bool:
     stack, entry = image.word(at) or 0, image.word(at + 4) or 0
     in_ram = any(base < stack <= base + room for base, room in ((SRAM, SRAM_SIZE), (CCM, CCM_SIZE)))
-    return in_ram and stack % 4 == 0 and entry % 2 == 1 and image.word(entry & ~3) is not None
+    return in_ram and stack % 4 == 0 and entry % 2 == 1 and image.loaded(entry & ~1) != b""
 
 
 def _hint(image: Image) -> str:
