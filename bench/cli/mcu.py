@@ -66,9 +66,9 @@ def call(
 
     Exit code 2: bad input, or a fault of the function, which includes one that does not return.
     """
-    from bench.errors import BenchError
     from targets.mcu.call import Caller, function, word
     from targets.mcu.image import load
+    from targets.mcu.memory_map import ends_in_ram
 
     _check(0.001 <= clock <= MAX_MHZ, f"--clock is {clock:g} MHz; it must be within 0.001 and {MAX_MHZ:g}")
     _check(0 <= wait_states <= MAX_WAIT_STATES, f"--wait-states is {wait_states}; it must be within 0 and 7")
@@ -80,10 +80,8 @@ def call(
     function(image, symbol)
     words = [word(image, text) for text in arguments or []]
     wanted = [_wanted(image, text) for text in dump or []]
-    try:
-        top = int(stack, 0)
-    except ValueError:
-        raise BenchError(f"--stack is {stack}, which is no address") from None
+    top = _address("--stack", stack)
+    _check(ends_in_ram(top), f"--stack is {stack}; it must lie in RAM")
 
     caller = Caller(image, round(clock * 1e6), wait_states, top)
     outcomes = []
@@ -178,14 +176,10 @@ def run(
     Exit code 0: it ran as long as it was to. 2: bad input, or a fault of the firmware.
     """
     from bench.cli.mcu_run import Options, report
-    from bench.errors import BenchError
     from bench.whole import check_writable
     from targets.mcu.image import load
 
-    try:
-        at = int(vectors, 0)
-    except ValueError:
-        raise BenchError(f"--vectors is {vectors}, which is no address") from None
+    at = _address("--vectors", vectors)
     _check(until is None or 0 < until <= 1e6, f"--until is {until} s; it must be above 0, up to 1e6")
     if json_out:
         _check_json(json_out)
@@ -197,6 +191,15 @@ def run(
     _write_json(json_out, result)
     if fault:
         raise fault
+
+
+def _address(option: str, text: str) -> int:
+    from bench.errors import BenchError
+
+    try:
+        return int(text, 0)
+    except ValueError:
+        raise BenchError(f"{option} is {text}, which is no address") from None
 
 
 def _wanted(image: Any, text: str) -> tuple[str, int, int]:

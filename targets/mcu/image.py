@@ -9,7 +9,7 @@ from pathlib import Path
 from targets.errors import FirmwareError
 from targets.mcu import attributes, dwarf, elf, loading
 from targets.mcu.loading import Contents, Spans
-from targets.mcu.memory_map import ALIAS, CCM, CCM_SIZE, FLASH, FLASH_SIZE, SRAM, SRAM_SIZE, in_flash
+from targets.mcu.memory_map import ALIAS, FLASH, FLASH_SIZE, ends_in_ram, in_flash
 
 VECTORS_ALIGNMENT = 512
 """Of a table with the STM32F405's 98 entries (ARMv7-M B1.5.3)."""
@@ -135,8 +135,7 @@ def _check_vectors(image: Image, at: int) -> None:
 
 def _is_vectors(image: Image, at: int) -> bool:
     stack, entry = image.word(at) or 0, image.word(at + 4) or 0
-    in_ram = any(base < stack <= base + room for base, room in ((SRAM, SRAM_SIZE), (CCM, CCM_SIZE)))
-    return in_ram and stack % 4 == 0 and entry % 2 == 1 and image.loaded(entry & ~1) != b""
+    return ends_in_ram(stack) and stack % 4 == 0 and entry % 2 == 1 and image.loaded(entry & ~1) != b""
 
 
 def _hint(image: Image) -> str:

@@ -15,6 +15,11 @@ def holds(address: int, size: int) -> bool:
     return any(base <= address and address + size <= base + room for base, room in REGIONS)
 
 
+def ends_in_ram(address: int) -> bool:
+    """Whether a stack may begin at `address`: some RAM lies below it."""
+    return any(base < address <= base + room for base, room in ((SRAM, SRAM_SIZE), (CCM, CCM_SIZE)))
+
+
 def in_flash(address: int) -> int:
     """The address in flash proper of an address in its alias; any other one as it is."""
     return address - ALIAS + FLASH if ALIAS <= address < ALIAS + FLASH_SIZE else address
