@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
@@ -20,6 +21,8 @@ TRACE_LOOK_NS = 1_000_000
 """Emulated time between two looks: at Ctrl-C, and at the trace, which has room for this much."""
 
 DEFAULT_S = 1.0
+BEHIND_S = 0.05
+"""A live run further behind than this is no live run."""
 
 
 class Options(NamedTuple):
@@ -36,56 +39,95 @@ class Options(NamedTuple):
 
 def report(image: Image, options: Options) -> tuple[dict[str, Any], FirmwareFault | None]:
     """Run `image` as asked, say what it did, and return it for a file; with the fault that ended it."""
-    from bench.solo import Tally
-    from targets.emulated import EmulatedEcu
     from targets.errors import FirmwareFault
 
-    tally, fault, ended = Tally(), None, "time"
-    ecu = EmulatedEcu(image, None, "mcu", power_on_ns=0, bitrate=options.bitrate)
+    fault, ended = None, "time"
+    ecu = _powered(image, options)
     if not image.symbols:
         typer.echo(f"bench: firmware: {image.source} has no symbols: addresses alone are shown", err=True)
     with _trace(ecu, options) as follow:
+        run = _Run(ecu, options, follow)
         try:
-            _run(ecu, options, tally, follow)
+            run.go()
         except KeyboardInterrupt:
             ended = "interrupted"
         except FirmwareFault as error:
             fault, ended = error, "fault"
         follow()
-    result = _result(ecu, tally, ended, str(fault) if fault else None)
+    result = _result(ecu, run.tally, ended, str(fault) if fault else None)
+    result["behind_s"] = run.behind_s()
     if not options.quiet:
-        _show(ecu, result)
+        _show(result)
     return result, fault
 
 
-def _run(ecu: EmulatedEcu, options: Options, tally: Tally, follow: Callable[[], None]) -> None:
-    from bench.bus.live import LiveBus
-    from bench.bus.timed import TimedBus
-    from bench.cli.progress import lap_progress
-    from bench.cli.stop import stoppable
-    from bench.solo import Watched, run, run_live
+def _powered(image: Image, options: Options) -> EmulatedEcu:
+    from targets.emulated import EmulatedEcu
 
-    every_ns = TRACE_LOOK_NS if options.trace else LOOK_NS
-    with stoppable():
-        if options.can:
-            with LiveBus(options.can, options.bitrate) as bus:
-                device = Watched(ecu, lambda _: follow(), every_ns)
-                run_live(device, bus, tally, options.until_s, lambda: _ready(options))
-            return
-        until_ns = round((options.until_s or DEFAULT_S) * 1e9)
+    return EmulatedEcu(image, None, "mcu", power_on_ns=0, bitrate=options.bitrate)
+
+
+class _Run:
+    """One run and what is known of it, however it ends."""
+
+    def __init__(self, ecu: EmulatedEcu, options: Options, follow: Callable[[], None]) -> None:
+        from bench.solo import Tally
+
+        self._ecu, self._options, self._follow = ecu, options, follow
+        self.tally = Tally()
+        self._begun_s: float | None = None  # of a live run
+
+    def go(self) -> None:
+        """Run to the end, KeyboardInterrupt or FirmwareFault."""
+        from bench.cli.stop import stoppable
+
+        with stoppable():
+            if self._options.can:
+                self._live(self._options.can)
+            else:
+                self._alone()
+
+    def behind_s(self) -> float | None:
+        """How far a live run has fallen behind the clock on the wall, None in virtual time."""
+        if self._begun_s is None:
+            return None
+        return max(0.0, time.monotonic() - self._begun_s - self._ecu.mcu.now_ns / 1e9)
+
+    def _live(self, name: str) -> None:
+        from bench.bus.live import LiveBus
+        from bench.live import rehearse
+        from bench.solo import Watched, run_live
+        from targets.errors import FirmwareFault
+
+        def ready() -> None:
+            self._begun_s = time.monotonic()
+            typer.echo(f"on {name} at {self._options.bitrate} bit/s; Ctrl-C ends it", err=True)
+
+        with LiveBus(name, self._options.bitrate) as bus:
+            with suppress(FirmwareFault):  # the run itself will meet it
+                rehearse(_powered(self._ecu.mcu.image, self._options))
+            device = Watched(self._ecu, lambda _: self._follow(), self._every_ns())
+            run_live(device, bus, self.tally, self._options.until_s, ready)
+
+    def _alone(self) -> None:
+        from bench.bus.timed import TimedBus
+        from bench.cli.progress import lap_progress
+        from bench.solo import Watched, run
+
+        until_ns = round((self._options.until_s or DEFAULT_S) * 1e9)
         # A bar and a trace on one terminal would write over each other.
-        shown = options.trace and options.trace_out is None
+        shown = self._options.trace and self._options.trace_out is None
         with nullcontext(lambda _: None) if shown else lap_progress(until_ns, "running") as tell:
 
             def look(t_ns: int) -> None:
-                follow()
+                self._follow()
                 tell(t_ns)
 
-            run(Watched(ecu, look, every_ns), TimedBus(options.bitrate), until_ns, tally)
+            device = Watched(self._ecu, look, self._every_ns())
+            run(device, TimedBus(self._options.bitrate), until_ns, self.tally)
 
-
-def _ready(options: Options) -> None:
-    typer.echo(f"on {options.can} at {options.bitrate} bit/s; Ctrl-C ends it", err=True)
+    def _every_ns(self) -> int:
+        return TRACE_LOOK_NS if self._options.trace else LOOK_NS
 
 
 @contextmanager
@@ -153,7 +195,7 @@ def _result(ecu: EmulatedEcu, tally: Tally, ended: str, fault: str | None) -> di
     }
 
 
-def _show(ecu: EmulatedEcu, result: dict[str, Any]) -> None:
+def _show(result: dict[str, Any]) -> None:
     say = typer.echo
     bounds = f"(optimistic {result['optimistic']}, pessimistic {result['pessimistic']})"
     say(f"{result['elf']} on the emulated STM32F405")
@@ -164,6 +206,8 @@ def _show(ecu: EmulatedEcu, result: dict[str, Any]) -> None:
     )
     ends = {"time": "", "interrupted": "interrupted, ", "fault": "ended by a fault, "}[result["ended"]]
     say(f"  at the end {ends}{'asleep' if result['sleeping'] else 'running'} at {result['where']}")
+    if (result["behind_s"] or 0.0) >= BEHIND_S:
+        say(f"  too slow   {result['behind_s']:.3f} s behind the clock on the wall: its frames came late")
     if result["frames"]:
         say(f"  CAN        {sum(row['frames'] for row in result['frames'])} frames sent")
         say("             id        frames  first s    period ms  last data")
