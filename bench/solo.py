@@ -14,6 +14,8 @@ from bench.errors import BusError
 from bench.rig import MOST_WAITING
 from targets.ecu import Ecu, Frame, Transmission
 
+LOOK_NS = 20_000_000
+
 
 @dataclass
 class Sent:
@@ -44,41 +46,34 @@ class Tally:
         row.last_ns, row.data = t_ns, frame.data
 
 
-class Watched:
-    """An ECU that is looked at at least every `every_ns` of its time: `look` is called with the instant."""
-
-    def __init__(self, ecu: Ecu, look: Callable[[int], None], every_ns: int) -> None:
-        self.name = ecu.name
-        self._ecu, self._look, self._every_ns = ecu, look, every_ns
-        self._reached_ns = 0
-        self.receive, self.sent, self.where = ecu.receive, ecu.sent, ecu.where
-
-    def advance(self, t_ns: int) -> Transmission | None:
-        """As the ECU's own."""
-        while True:
-            self._reached_ns = min(t_ns, max(self._reached_ns, 0) + self._every_ns)
-            request = self._ecu.advance(self._reached_ns)
-            self._look(self._reached_ns)
-            if request or self._reached_ns >= t_ns:
-                return request
-
-
-def run(ecu: Ecu, bus: TimedBus, until_ns: int, tally: Tally) -> None:
+def run(
+    ecu: Ecu,
+    bus: TimedBus,
+    until_ns: int,
+    tally: Tally,
+    look: Callable[[int], None] | None = None,
+    every_ns: int = LOOK_NS,
+) -> None:
     """Run `ecu` from 0 to `until_ns` on `bus`, all that it asks for sent and acknowledged.
 
-    Raises FirmwareFault, and BusError for what no bus carries; `tally` holds what was sent until then.
+    look: called with the instant at least every `every_ns`. Raises FirmwareFault, and BusError for what no
+    bus carries; `tally` holds what was sent until then.
     """
     now_ns, waiting = 0, 0
     while True:
         decision_ns = bus.next_decision_ns()
-        now_ns = until_ns if decision_ns is None else min(until_ns, decision_ns)
-        request = ecu.advance(now_ns)
+        soon_ns = min(until_ns, now_ns + every_ns)
+        reach_ns = soon_ns if decision_ns is None else min(soon_ns, decision_ns)
+        request = ecu.advance(reach_ns)
+        if look:
+            look(reach_ns)
         if request is not None:
             bus.submit(request.t_ns, ecu.name, request.handle, request.frame)
             waiting += 1
             if waiting > MOST_WAITING:
-                raise BusError(f"{ecu.name} floods the bus: {waiting} frames wait at {now_ns / 1e9:.9g} s")
+                raise BusError(f"{ecu.name} floods the bus: {waiting} frames wait at {reach_ns / 1e9:.9g} s")
             continue
+        now_ns = reach_ns
         delivered = bus.step(now_ns)
         if delivered is not None:
             waiting -= 1
@@ -100,6 +95,25 @@ class _Counted:
 
     def receive(self, timeout_s: float) -> Heard | None:
         return self._bus.receive(timeout_s)
+
+
+class Watched:
+    """An ECU on a live bus that is looked at at least every `every_ns` of its time, by `look`."""
+
+    def __init__(self, ecu: Ecu, look: Callable[[int], None], every_ns: int) -> None:
+        self.name = ecu.name
+        self._ecu, self._look, self._every_ns = ecu, look, every_ns
+        self._reached_ns = 0
+        self.receive, self.sent, self.where = ecu.receive, ecu.sent, ecu.where
+
+    def advance(self, t_ns: int) -> Transmission | None:
+        """As the ECU's own."""
+        while True:
+            self._reached_ns = min(t_ns, max(self._reached_ns, 0) + self._every_ns)
+            request = self._ecu.advance(self._reached_ns)
+            self._look(self._reached_ns)
+            if request or self._reached_ns >= t_ns:
+                return request
 
 
 def run_live(

@@ -16,9 +16,8 @@ if TYPE_CHECKING:
     from targets.errors import FirmwareFault
     from targets.mcu.image import Image
 
-LOOK_NS = 20_000_000
 TRACE_LOOK_NS = 1_000_000
-"""Emulated time between two looks: at Ctrl-C, and at the trace, which has room for this much."""
+"""Emulated time between two looks at the trace, which has room for this much."""
 
 DEFAULT_S = 1.0
 BEHIND_S = 0.05
@@ -112,7 +111,7 @@ class _Run:
     def _alone(self) -> None:
         from bench.bus.timed import TimedBus
         from bench.cli.progress import lap_progress
-        from bench.solo import Watched, run
+        from bench.solo import run
 
         until_ns = round((self._options.until_s or DEFAULT_S) * 1e9)
         # A bar and a trace on one terminal would write over each other.
@@ -123,10 +122,12 @@ class _Run:
                 self._follow()
                 tell(t_ns)
 
-            device = Watched(self._ecu, look, self._every_ns())
-            run(device, TimedBus(self._options.bitrate), until_ns, self.tally)
+            bus = TimedBus(self._options.bitrate)
+            run(self._ecu, bus, until_ns, self.tally, look, self._every_ns())
 
     def _every_ns(self) -> int:
+        from bench.solo import LOOK_NS
+
         return TRACE_LOOK_NS if self._options.trace else LOOK_NS
 
 

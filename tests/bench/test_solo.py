@@ -1,5 +1,7 @@
 """One ECU alone: on a timed bus, on a live one, looked at while it runs."""
 
+from itertools import pairwise
+
 import pytest
 
 from bench.bus.timed import EXTENDED, TimedBus
@@ -80,12 +82,14 @@ def test_watched_ecu_is_looked_at_in_time():
     assert (watched.name, watched.where()) == ("beats", "here")
 
 
-def test_watched_ecu_takes_the_same_instants():
-    """Looking changes nothing of what is sent when."""
-    plain, watched = Tally(), Tally()
+def test_looking_changes_nothing():
+    """However often it is looked at, an ECU sends the same at the same instants, and is looked at in time."""
+    looks, plain, watched = [], Tally(), Tally()
     run(Beats(), TimedBus(), 20 * MS, plain)
-    run(Watched(Beats(), lambda _: None, 123_457), TimedBus(), 20 * MS, watched)
+    run(Beats(), TimedBus(), 20 * MS, watched, looks.append, 123_457)
     assert plain == watched
+    assert all(b - a <= 123_457 for a, b in pairwise([0, *looks]))
+    assert looks[-1] == 20 * MS
 
 
 def test_live_bus_is_counted():

@@ -252,10 +252,10 @@ def test_run_on_a_live_bus(bench, arm_gcc, out):
 def test_run_stopped(bench, file, out, monkeypatch, number):
     """Ctrl-C and SIGTERM end a run with its report and exit code 0."""
 
-    def stopped(self, t_ns):
+    def stopped(*_):
         os.kill(os.getpid(), number)
 
-    monkeypatch.setattr(solo.Watched, "advance", stopped)
+    monkeypatch.setattr(solo, "run", stopped)
     said = bench("mcu", "run", file, "--json", out)
     assert (said.code, said.err) == (0, "")
     assert "at the end interrupted, " in said.out
