@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from bench.cli import calibrate, campaign, demo, doctor, ecu, firmware, lap, plant, replay, run, train
+from bench.cli import calibrate, campaign, demo, doctor, ecu, firmware, lap, mcu, plant, replay, run, train
 from bench.errors import BenchError
 from targets.errors import TargetError
 
@@ -23,6 +23,7 @@ app.add_typer(campaign.app, name="campaign")
 app.add_typer(train.app, name="train")
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(firmware.app, name="firmware")
+app.add_typer(mcu.app, name="mcu")
 app.command()(replay.replay)
 app.command()(ecu.ecu)
 app.command()(doctor.doctor)

@@ -13,12 +13,12 @@ REFRESH_S = 0.1
 
 
 @contextmanager
-def lap_progress(duration_ns: int) -> Iterator[Callable[[int], None]]:
-    """A bar for one ride, nothing where no one looks; yields what to call with the instant reached, ns."""
+def lap_progress(duration_ns: int, what: str = "riding") -> Iterator[Callable[[int], None]]:
+    """A bar for one ride or run, nothing where no one looks; yields what to call with the instant in ns."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("riding"), BarColumn(), TextColumn("{task.completed:.0f} s"), TimeRemainingColumn())
+    columns = (TextColumn(what), BarColumn(), TextColumn("{task.completed:.0f} s"), TimeRemainingColumn())
     screen = Console(stderr=True)
     # Drawn when told, not by a thread: a live replay may not be held up while it is on time.
     with Progress(

@@ -16,11 +16,13 @@ from targets.mcu.decode import INFO, SIZE_AT
 from targets.mcu.pipeline import NOWHERE
 from targets.mcu.state import (
     ATTEND,
+    BASE_NS,
     BLOCK,
     BLOCK_CYCLES,
     BLOCK_END,
     BLOCK_FLOW,
     BLOCK_TAKEN,
+    CALL_END,
     CYCLES,
     CYCLES_MAX,
     CYCLES_MIN,
@@ -43,11 +45,13 @@ from targets.mcu.state import (
     SITE,
     SIZE,
     STOPPED,
+    UNTIL_NS,
     State,
 )
 
 REG_PRIMASK = arm.UC_ARM_REG_PRIMASK
 SETS = 3
+MODEL, OPTIMISTIC, PESSIMISTIC = range(SETS)
 _BITS, _MASK = 20, (1 << 20) - 1
 _SPREAD = 0x2545F4914F6CDD1D
 
@@ -89,6 +93,15 @@ def _remember(S: State, entry: int, key: int, at: int, size: int, taken: int) ->
     S[entry + 1] = cycles
     S[entry + 2] = _number(S) | instructions << 16
     return True
+
+
+@njit(cache=True)
+def _settle(S: State) -> None:
+    """A called function has returned: charge the refill up to where the next instruction would execute."""
+    flow = FLOWS + FLOW_WORDS * S[FLOW]
+    S[CYCLES] += pipeline.refill(S, MODEL, S[flow])
+    S[CYCLES_MIN] += pipeline.refill(S, OPTIMISTIC, S[flow + 3])
+    S[CYCLES_MAX] += pipeline.refill(S, PESSIMISTIC, S[flow + 6])
 
 
 @njit(cache=True)
@@ -146,8 +159,12 @@ def on_block(engine: Any, address: int, size: int, user: Any) -> None:
     key = at | taken << 32 | flow << 33 | types.int64(size) << 45
     entry = MEMO + MEMO_WORDS * ((key * _SPREAD) >> 40 & MEMO_MAX - 1)
     if S[entry] != key and not _remember(S, entry, key, at, types.int64(size), taken):
-        S[DECODE_AT] = at
-        S[DECODE_SIZE] = size
+        if at == S[CALL_END]:
+            _settle(S)
+            S[UNTIL_NS] = S[BASE_NS]
+        else:
+            S[DECODE_AT] = at
+            S[DECODE_SIZE] = size
         S[STOPPED] = 1
         native.stop(S)
         return

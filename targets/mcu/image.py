@@ -1,123 +1,147 @@
-"""Firmware images: an ELF for a Cortex-M4, its bytes where they lie in flash, its symbols."""
+"""Firmware images: an ELF for a Cortex-M4, its bytes where they lie in memory, its symbols and lines."""
 
-import io
 from bisect import bisect_right
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, field
+from functools import cached_property
+from hashlib import sha256
 from pathlib import Path
 
 from targets.errors import FirmwareError
+from targets.mcu import attributes, dwarf, elf, loading
+from targets.mcu.loading import Contents, Spans
+from targets.mcu.memory_map import ALIAS, FLASH, FLASH_SIZE, ends_in_ram, in_flash
 
-FLASH = 0x08000000
-FLASH_SIZE = 0x100000
+VECTORS_ALIGNMENT = 512
+"""Of a table with the STM32F405's 98 entries (ARMv7-M B1.5.3)."""
 
 
 @dataclass(frozen=True)
 class Image:
-    """What a flash tool would write, and what a debugger would know.
+    """What a flash tool would write or a debugger load, and what a debugger would know.
 
-    flash: bytes from FLASH on, up to the last one used. code: [start, end) ranges that hold instructions.
-    symbols: name -> address (bit 0 cleared). Raises nothing itself; `load` and `parse` do the checking.
+    flash: bytes from FLASH on, up to the last one used. ram: further bytes (address, content) for RAM.
+    copied: bytes of flash that start-up code copies to these addresses. code, ram_code: [start, end) ranges
+    of Thumb instructions in flash (by its address from FLASH on) and in RAM. arm_code: ranges of ARM
+    instructions, which no Cortex-M runs. symbols: name -> address (of functions without the Thumb bit).
+    functions: (address, name), in order. vectors: where the vector table lies, None if none was asked for.
+    file: the ELF itself. Raises nothing but from `symbol`; `load` and `parse` do the checking.
     """
 
     flash: bytes
-    code: tuple[tuple[int, int], ...]
+    code: Spans
     symbols: dict[str, int]
     functions: tuple[tuple[int, str], ...]
     digest: str
     source: str = ""
+    ram: Contents = ()
+    copied: Contents = ()
+    ram_code: Spans = ()
+    arm_code: Spans = ()
+    vectors: int | None = FLASH
+    file: bytes = field(default=b"", repr=False)
 
     def symbol(self, name: str) -> int:
         """Address of `name`; FirmwareError if the image has no such symbol."""
         if name not in self.symbols:
-            raise FirmwareError(f"{self.source}: no symbol {name}")
+            raise FirmwareError(
+                f"{self.source}: " + (f"no symbol {name}" if self.symbols else "has no symbols")
+            )
         return self.symbols[name]
 
     def function_at(self, address: int) -> str:
         """The function that holds `address`, '' if it is unknown."""
-        k = bisect_right(self.functions, (address, "\uffff")) - 1
-        inside = FLASH <= address < FLASH + len(self.flash)
-        return self.functions[k][1] if k >= 0 and inside else ""
+        k = bisect_right(self.functions, address, key=lambda function: function[0]) - 1
+        known = 0 <= in_flash(address) - FLASH < len(self.flash) or dwarf.inside(self.ram_code, address)
+        return self.functions[k][1] if k >= 0 and known else ""
+
+    def word(self, address: int) -> int | None:
+        """The 32-bit word loaded at `address`, None where nothing is."""
+        content = self.loaded(address)
+        return int.from_bytes(content[:4], "little") if len(content) >= 4 else None
+
+    def loaded(self, address: int) -> bytes:
+        """What is loaded from `address` on, empty where nothing is."""
+        for base, content in ((FLASH, self.flash), *self.ram):
+            at = in_flash(address) - base
+            if 0 <= at < len(content):
+                return content[at:]
+        return b""
+
+    @cached_property
+    def lines(self) -> dwarf.Lines:
+        """Source lines of all code, from DWARF; empty if the file has none."""
+        if not self.file:
+            return dwarf.Lines([], [], [])
+        aliased = [(a - FLASH + ALIAS, b - FLASH + ALIAS) for a, b in self.code]
+        spans = (*aliased, *self.code, *self.ram_code)
+        return dwarf.lines(elf.read(self.file, self.source), tuple(sorted(spans)))
+
+    def line_at(self, address: int) -> str:
+        """`file:line` of the instruction at `address`, '' if it is unknown."""
+        return self.lines.at(address)
 
 
-def load(path: Path) -> Image:
-    """Read an ELF file; FirmwareError for anything that this MCU could not run."""
+def load(path: Path, vectors: int | None = FLASH) -> Image:
+    """Read an ELF file; FirmwareError for anything that this MCU could not run.
+
+    vectors: where its vector table is to lie; None for a file that needs none.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:
         raise FirmwareError(f"{path}: {(error.strerror or str(error)).lower()}") from None
-    return parse(data, str(path))
+    return parse(data, str(path), vectors)
 
 
-def parse(data: bytes, source: str = "firmware") -> Image:
+def parse(data: bytes, source: str = "firmware", vectors: int | None = FLASH) -> Image:
     """An image from the bytes of an ELF file."""
-    from elftools.common.exceptions import ELFError, ELFParseError
-
-    if not data.startswith(b"\x7fELF"):
-        raise FirmwareError(f"{source}: not an ELF file")
-    try:
-        return _parse(data, source)
-    except (ELFError, ELFParseError, ValueError, KeyError, IndexError, AttributeError, TypeError) as error:
-        raise FirmwareError(f"{source}: damaged ELF file ({error})") from None
-
-
-def _parse(data: bytes, source: str) -> Image:
-    from hashlib import sha256
-
-    from elftools.elf.elffile import ELFFile
-    from elftools.elf.sections import SymbolTableSection
-
-    elf = ELFFile(io.BytesIO(data))
-    if elf["e_machine"] != "EM_ARM" or elf.elfclass != 32 or not elf.little_endian:
-        raise FirmwareError(
-            f"{source}: built for {elf.get_machine_arch()}, not for a little-endian ARM Cortex-M4"
-        )
-    flash = bytearray()
-    for segment in elf.iter_segments("PT_LOAD"):
-        start, content = segment["p_paddr"], segment.data()
-        if len(content) < segment["p_filesz"]:
-            raise FirmwareError(f"{source}: truncated at segment {start:#010x}")
-        if not content:
-            continue
-        at = start - FLASH
-        if at < 0 or at + len(content) > FLASH_SIZE:
-            raise FirmwareError(f"{source}: segment at {start:#010x} lies outside flash")
-        flash.extend(b"\xff" * (at + len(content) - len(flash)))
-        flash[at : at + len(content)] = content
-    if len(flash) < 8:
-        raise FirmwareError(f"{source}: no vector table at {FLASH:#010x}")
-    stack, entry = (int.from_bytes(flash[k : k + 4], "little") for k in (0, 4))
-    if not 0x10000000 < stack <= 0x20020000 or not entry & 1 or not FLASH <= entry < FLASH + len(flash):
-        raise FirmwareError(
-            f"{source}: no vector table at {FLASH:#010x} (stack {stack:#x}, reset {entry:#x})"
-        )
-
-    symbols, functions, marks = {}, [], []
-    for section in elf.iter_sections():
-        if not isinstance(section, SymbolTableSection):
-            continue
-        for symbol in section.iter_symbols():
-            name, value = symbol.name, symbol["st_value"]
-            if name.startswith(("$t", "$d", "$a")):
-                if FLASH <= value < FLASH + len(flash):
-                    marks.append((value, name[:2] == "$t"))
-            elif name and symbol["st_info"]["type"] != "STT_FILE":
-                symbols[name] = value & ~1 if symbol["st_info"]["type"] == "STT_FUNC" else value
-                if symbol["st_info"]["type"] == "STT_FUNC":
-                    functions.append((value & ~1, name))
-    return Image(
-        bytes(flash),
-        tuple(_spans(sorted(marks), FLASH + len(flash))),
-        symbols,
-        tuple(sorted(functions)),
+    file = elf.read(data, source)
+    attributes.check_core(attributes.read(file), source)
+    flash, ram, copied = loading.memory(file, loading.pieces(file, source))
+    symbols = elf.symbols(file, source)
+    thumb, arm = loading.spans(file, symbols)
+    image = Image(
+        flash,
+        loading.flash_code(thumb, FLASH + len(flash)),
+        loading.addresses(symbols),
+        tuple(loading.functions(symbols, thumb)),
         sha256(data).hexdigest(),
         source,
+        ram,
+        copied,
+        tuple(span for span in thumb if in_flash(span[0]) >= FLASH + FLASH_SIZE),
+        arm,
+        vectors,
+        data,
     )
+    if vectors is not None:
+        _check_vectors(image, vectors)
+    return image
 
 
-def _spans(marks: list[tuple[int, bool]], end: int) -> list[tuple[int, int]]:
-    """Ranges of instructions from the mapping symbols $t and $d (ELF for the ARM architecture, 4.5.5)."""
-    if not marks:
-        return [(FLASH, end)]
-    edges = [*marks, (end, False)]
-    return [(a, b) for (a, thumb), (b, _) in pairwise(edges) if thumb and b > a]
+def _check_vectors(image: Image, at: int) -> None:
+    """Refuse an image that does not begin, at `at`, with a stack pointer and a reset vector."""
+    source = image.source
+    if at % VECTORS_ALIGNMENT:
+        raise FirmwareError(f"{source}: vector table at {at:#x}: not a multiple of {VECTORS_ALIGNMENT} bytes")
+    stack, entry = image.word(at), image.word(at + 4)
+    if stack is None or entry is None:
+        raise FirmwareError(f"{source}: no vector table at {at:#010x}{_hint(image)}")
+    if not _is_vectors(image, at):
+        raise FirmwareError(
+            f"{source}: no vector table at {at:#010x} (stack {stack:#x}, reset {entry:#x}){_hint(image)}"
+        )
+
+
+def _is_vectors(image: Image, at: int) -> bool:
+    stack, entry = image.word(at) or 0, image.word(at + 4) or 0
+    return ends_in_ram(stack) and stack % 4 == 0 and entry % 2 == 1 and image.loaded(entry & ~1) != b""
+
+
+def _hint(image: Image) -> str:
+    """Where a vector table seems to be instead: at the first byte loaded that is none of erased flash."""
+    first = len(image.flash) - len(image.flash.lstrip(b"\xff"))
+    for at in (FLASH + first, *(address for address, _ in image.ram)):
+        if at % VECTORS_ALIGNMENT == 0 and _is_vectors(image, at):
+            return f"; there is one at {at:#010x} (--vectors {at:#x})"
+    return ""

@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 from targets.errors import FirmwareFault
 from targets.mcu import blocks, bxcan, clock, core, dynamic, native, peripherals, pipeline, rcc, scs, state
 from targets.mcu.decode import INFO, decode
-from targets.mcu.image import FLASH, Image
+from targets.mcu.image import Image
+from targets.mcu.memory_map import ALIAS, CCM, CCM_SIZE, FLASH, SRAM, SRAM_SIZE
 from targets.mcu.timing import timing
 
 if TYPE_CHECKING:
     import unicorn
 
 PAGE = 4096
-SRAM, SRAM_SIZE = 0x20000000, 0x20000  # SRAM1 and SRAM2, 128 kB
-CCM, CCM_SIZE = 0x10000000, 0x10000  # core-coupled memory, 64 kB
 CODE_SIZE = 0x100000
 TRANSLATED_SIZE = 32 << 20
 """Room for translated code, bytes: a megabyte of flash many times over."""
@@ -51,6 +50,8 @@ class Stm32f405:
         self.state = state.allocate()
         self._library: ctypes.CDLL
         self._engine = _engine(self)
+        for address, content in image.ram:
+            self._engine.mem_write(address, content)
         self._reset(power_on_ns)
 
     def _reset(self, t_ns: int) -> None:
@@ -65,7 +66,8 @@ class Stm32f405:
         rcc.reset(S)
         bxcan.reset(S)
         scs.reset(S)
-        stack, entry = (self.read_word(FLASH + offset) for offset in (0, 4))
+        S[state.VTOR] = vectors = self.image.vectors or FLASH
+        stack, entry = (self.read_word(vectors + offset) for offset in (0, 4))
         native.set_register(S, core.REG_SP, stack)
         native.set_register(S, core.REG_LR, 0xFFFFFFFF)
         S[state.PC] = S[state.NEXT] = entry & ~1
@@ -121,9 +123,9 @@ class Stm32f405:
         return int(self.state[state.PC])
 
     def where(self) -> str:
-        """The program counter and the function it is in."""
-        name = self.image.function_at(self.pc)
-        return f"pc {self.pc:#010x}" + (f" in {name}" if name else "")
+        """The program counter, the function it is in, and the source line."""
+        name, line = self.image.function_at(self.pc), self.image.line_at(self.pc)
+        return f"pc {self.pc:#010x}" + (f" in {name}" if name else "") + (f" ({line})" if line else "")
 
     def unmodelled(self) -> dict[int, int]:
         """Addresses of registers that were accessed and are not modelled: address -> times."""
@@ -140,11 +142,24 @@ class Stm32f405:
         """Bytes of memory (not of devices)."""
         return bytes(self._engine.mem_read(address, count))
 
+    @property
+    def engine(self) -> "unicorn.Uc":
+        """Unicorn itself, for memory beside that of the real MCU."""
+        return self._engine
+
+    def watch_blocks(self, callback: int, user: ctypes.c_void_p) -> None:
+        """Have the C function at `callback` called for each basic block, too, once its time is charged."""
+        import unicorn
+        from unicorn.unicorn_py3 import unicorn as binding
+
+        _hook(binding.uclib, self._engine, unicorn.UC_HOOK_BLOCK, callback, user)
+
     def patch(self, address: int, data: bytes) -> None:
         """Write to flash as a debugger would: code that has been translated already is forgotten."""
         at = address - FLASH
         self.flash[at : at + len(data)] = np.frombuffer(data, dtype=np.uint8)
-        self._engine.ctl_remove_cache(address, address + len(data))
+        for start in (address, address - FLASH + ALIAS):
+            self._engine.ctl_remove_cache(start, start + len(data))
 
     def _hook_code(self, address: int, callback: int) -> None:
         import unicorn
@@ -184,6 +199,7 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
     rx, rw = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC, unicorn.UC_PROT_READ | unicorn.UC_PROT_WRITE
     for address, memory, access in (
         (FLASH, mcu.flash, rx),
+        (ALIAS, mcu.flash, rx),
         (SRAM, mcu._sram, rw | unicorn.UC_PROT_EXEC),
         (CCM, mcu._ccm, rw),
     ):

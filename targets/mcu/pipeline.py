@@ -96,6 +96,13 @@ _SET, _LATE, _ROW, _FLOATS = 41, 42, 44, 46
 
 
 @njit(cache=True)
+def refill(S: State, figures: int, a: int) -> int:
+    """Cycles from the end of the state's block to where an instruction branched to executes."""
+    fetch = S[PIPELINE + figures * len(fig.PIPELINE) + fig.FETCH_LATENCY]
+    return max(_field(a, _REFILL) + fetch + 1, 0)
+
+
+@njit(cache=True)
 def simulate(
     S: State, figures: int, a: int, b: int, c: int, start: int, end: int, taken: bool, stop: int
 ) -> int:

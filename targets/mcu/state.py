@@ -37,6 +37,7 @@ PC = 35
 ERROR = 36  # unicorn's error code
 RETURNING = 37  # an EXC_RETURN was executed
 RESET_REQUEST = 38
+CALL_END = 47  # address at which a called function's return ends the run
 
 # Cortex-M system control
 VTOR = 48
@@ -100,7 +101,9 @@ STACK = 600
 # 1024..1279: core and system
 # 1280..1535: bxCAN
 # 1536..3071: other devices
-# 3072..3583: time. The same count as CYCLES with the timing model's optimistic and its pessimistic figures
+# 3072..3583: time, and what the cycle model remembers
+TIME = 3072
+# The same count as CYCLES with the timing model's optimistic and its pessimistic figures
 CYCLES_MIN = 3072
 CYCLES_MAX = 3073
 INSTRUCTIONS = 3074  # executed, those that an IT block skips included
