@@ -75,9 +75,9 @@ class Ran:
     failed: str | None = None
 
     @property
-    def complete(self) -> bool:
-        """Whether every trial of the campaign is in the store."""
-        return self.before + self.added == self.total
+    def left(self) -> int:
+        """How many trials of the campaign the store still lacks."""
+        return self.total - self.before - self.added
 
 
 def run(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from bench.errors import BenchError
 
 if TYPE_CHECKING:
+    from bench.cli.options import Laps
     from campaigns.kinds import Stored, StoredPlan
     from campaigns.runner import Executor, Ran
     from campaigns.store import Store
@@ -46,13 +47,9 @@ class Outputs:
             check_target(self.html, ())
 
 
-@dataclass(frozen=True)
-class Laps:
-    """Laps of one's own: where, and how they are read."""
-
-    folder: Path
-    map_file: Path | None
-    repair: bool
+def processes(workers: int | None) -> int:
+    """How many processes --workers asks for: where it is left out, one for each core."""
+    return workers or os.cpu_count() or 1
 
 
 def executor(workers: int | None, cluster: str | None) -> Executor:
@@ -65,7 +62,7 @@ def executor(workers: int | None, cluster: str | None) -> Executor:
         return Cluster(cluster)
     from campaigns.runner import Local
 
-    return Local(workers or os.cpu_count() or 1)
+    return Local(processes(workers))
 
 
 def prepared(
@@ -75,7 +72,6 @@ def prepared(
     from dataclasses import replace
 
     from bench.cli.progress import counted_progress
-    from bench.cli.train import laps_in
     from campaigns import kinds
     from campaigns.narx_plan import NarxGrid
     from campaigns.road_plan import RoadPlan
@@ -89,25 +85,14 @@ def prepared(
         ecu = build("ifd", host)
         if chosen:
             ecu = replace(ecu, calibration=calibration_of(chosen))
-        files = []
-        if laps:
-            # one at a time: hundreds of laps need not fit in memory
-            files = [kinds.lap_file(path, lap) for path, lap in _each_lap(laps)]
-        where = {"folder": laps.folder, "map_file": laps.map_file, "repair": laps.repair} if laps else {}
+        files = [kinds.lap_file(path, lap) for path, lap in laps.each()] if laps else []
+        where = vars(laps) if laps else {}
         return kinds.road(name, plan, ecu, files, where)
     calibration = calibration_of(chosen) if chosen else build().calibration
-    ridden = laps_in(laps.folder, laps.map_file, laps.repair) if laps else None
+    ridden = laps.read() if laps else None
     count = len(ridden) if ridden is not None else plan.test.count
     with counted_progress("predicting", count) as advance:
-        return kinds.offline(name, plan, calibration, ridden, workers or os.cpu_count() or 1, advance)
-
-
-def _each_lap(laps: Laps) -> Any:
-    from bench.cli.options import open_lap
-    from bench.cli.train import lap_paths
-
-    for path in lap_paths(laps.folder):
-        yield path, open_lap(path, laps.map_file, laps.repair)
+        return kinds.offline(name, plan, calibration, ridden, processes(workers), advance)
 
 
 def carry_out(ready: Stored, store: Store, where: Executor, fail_fast: bool) -> Ran:
