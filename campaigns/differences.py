@@ -10,8 +10,9 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from campaigns.errors import CampaignError
-from campaigns.outcomes import Document, Row, rank, td_s
+from campaigns.outcomes import rank, td_s
 from campaigns.statistics import sign_test
+from campaigns.store import Document, Row
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

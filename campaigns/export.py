@@ -17,7 +17,8 @@ from typing import Any
 from bench.whole import whole
 from campaigns.detection import detection_curves
 from campaigns.errors import CampaignError
-from campaigns.outcomes import Document, Row, outcomes
+from campaigns.outcomes import outcomes
+from campaigns.store import Document, Row
 
 LEADING = (
     *("id", "condition", "parameters.", "lap.", "fault", "outcome", "reason", "named"),

@@ -12,32 +12,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from bench.errors import FaultError
 from bench.faults.spec import parse_fault
 from campaigns.statistics import Rate, Times, alarm_rate_bound, mean_and_deviation, middle, times
-
-Document = dict[str, Any]
+from campaigns.store import Document, Row
 
 OUTCOMES = ("CD", "MD", "FA", "ID")
 """Of a run with a fault, INVALID aside; a run without one is OK or FA."""
-
-
-class Row(Protocol):
-    """A finished trial of a store: its id, what decides it, what became of it."""
-
-    @property
-    def id(self) -> str:
-        """Derived from the trial."""
-
-    @property
-    def trial(self) -> Document:
-        """A road trial's document."""
-
-    @property
-    def result(self) -> Document:
-        """A road trial's result document."""
 
 
 def outcomes(

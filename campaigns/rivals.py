@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from campaigns.outcomes import expected_kind, finite, rate
 from campaigns.sheets import NONE, Cell, Sheet, percent, seconds
 from campaigns.statistics import times
+from campaigns.store import Document
 from targets import baselines
 from targets.baselines import Baseline
 from targets.calibration import Calibration
@@ -21,8 +22,6 @@ from targets.detector import Checks
 from targets.errors import CalibrationError
 
 Floats = NDArray[np.float64]
-Document = dict[str, Any]
-
 CHECKS = "second detector"
 TITLES = {
     "residual": "residual (V.1), T tuned",
@@ -41,7 +40,7 @@ class ChecksRival:
         """What decides its alarms."""
         return {"type": self.checks.TYPE, **asdict(self.checks)}
 
-    def first_alarm(self, measured: Floats, predicted: Floats, start: int) -> tuple[int, str | None]:
+    def first_alarm(self, measured: Floats, predicted: Floats) -> tuple[int, str | None]:
         """The first alarm since power-on, and the kind it names."""
         at, named = first_alarm(predicted, measured, 0, self.checks)
         return (-1, None) if at is None else (at, named if named != KINDS[0] else None)
@@ -58,7 +57,7 @@ class BaselineRival:
         """What decides its alarms."""
         return {"type": type(self.baseline).__name__.lower(), "warmup": self.warmup, **vars(self.baseline)}
 
-    def first_alarm(self, measured: Floats, predicted: Floats, start: int) -> tuple[int, str | None]:
+    def first_alarm(self, measured: Floats, predicted: Floats) -> tuple[int, str | None]:
         """The first alarm since the warm-up's end; it names no kind."""
         at = baselines.first_alarm(self.baseline, predicted, measured, self.warmup)
         return (-1 if at is None else at), None

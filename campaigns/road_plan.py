@@ -11,10 +11,11 @@ FAULT_FREE = "fault-free"
 PLACES = re.compile(r"\{([a-z_]+)\}")
 """A swept parameter's place in a fault's specification, as in `rear_stroke:uncalibration:gain={gain}`."""
 
-LAP_PARAMETERS = ("route", "motorcycle", "sensors")
-"""What may be swept beside a fault's parameters: where and with what the laps are ridden,"""
-ECU_PARAMETERS = ("model",)
-"""which calibration the ECU has,"""
+LOAD = "load_kg"
+LAP_PARAMETERS = ("route", "motorcycle", LOAD)
+"""What may be swept beside a fault's parameters: where and with what the laps are simulated, luggage too,"""
+BENCH_PARAMETERS = ("sensors", "model")
+"""through which instruments the ECU sees them, and which calibration it has,"""
 DETECTOR = "detector_"
 """any setting of its detector, after this prefix,"""
 PHASE = "phase_ms"
@@ -62,7 +63,7 @@ class RoadPlan(BaseModel):
         for name in sorted(places - set(self.sweep)):
             raise ValueError(f"faults: {{{name}}} is not swept: [sweep] has no {name}")
         for name in self.sweep:
-            known = (*LAP_PARAMETERS, *ECU_PARAMETERS, PHASE)
+            known = (*LAP_PARAMETERS, *BENCH_PARAMETERS, PHASE)
             if name not in known and not name.startswith(DETECTOR) and name not in places:
                 raise ValueError(
                     f"sweep.{name}: no fault has a {{{name}}}, and it is none of "

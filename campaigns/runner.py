@@ -12,9 +12,8 @@ from typing import Any, Protocol, TypeVar
 
 from bench import pool
 from campaigns.errors import CampaignError
-from campaigns.store import Store
+from campaigns.store import Document, Store
 
-Document = dict[str, Any]
 PASSED = ("CD", "OK")
 """Outcomes with which `fail_fast` goes on."""
 

@@ -11,6 +11,7 @@ import shutil
 import sqlite3
 import tempfile
 import zlib
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -43,6 +44,19 @@ def canonical(document: Any) -> str:
 def trial_id(trial: Mapping[str, Any]) -> str:
     """Derived from the content: the same trial has the same id in every campaign."""
     return sha256(canonical(trial).encode()).hexdigest()[:16]
+
+
+class Identified(ABC):
+    """What is known by all that decides it."""
+
+    @abstractmethod
+    def document(self) -> Document:
+        """All that decides the result, and nothing else."""
+
+    @property
+    def id(self) -> str:
+        """Derived from the content: the same trial has the same id in every campaign."""
+        return trial_id(self.document())
 
 
 @dataclass(frozen=True)

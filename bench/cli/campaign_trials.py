@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from campaigns.outcomes import Document
+    from campaigns.store import Document
 
     Frame = Callable[[str], Document | None]
     """Id of a trial -> its freeze frame."""
