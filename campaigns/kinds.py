@@ -108,7 +108,7 @@ def tables(plan: StoredPlan, rows: Iterable[Row], ftti_s: float | None = None) -
     """Every figure of a campaign, from its finished trials alone."""
     rows = list(rows)
     if isinstance(plan, RoadPlan):
-        return road_tables(rows, [FAULT_FREE, *plan.faults], None, ftti_s)
+        return road_tables(rows, [FAULT_FREE, *plan.faults], ftti_s)
     pairs = [(row.trial, row.result) for row in rows]
     if isinstance(plan, NarxGrid):
         return {"cells": [finite_cell(cell) for cell in narx.grid_cells(plan, pairs)]}

@@ -14,8 +14,9 @@ from bench import pool
 from bench.laps.lap import Lap
 from bench.plant.motorcycle import load_motorcycle
 from bench.sensors.datasheets import load_sensors
+from campaigns.fields import Laps
 from campaigns.laps import Simulated
-from campaigns.narx_plan import Laps, NarxGrid, NarxLeaveOneOut, NarxPerformance
+from campaigns.narx_plan import NarxGrid, NarxLeaveOneOut, NarxPerformance
 from campaigns.soft_sensor import (
     WASHOUT,
     Predictor,

@@ -103,7 +103,7 @@ def run(
     from campaigns.road_plan import RoadPlan
     from campaigns.store import Store
 
-    outputs = campaign_run.Outputs(json_out, html_out, csv_out, parquet_out, junit_out)
+    outputs = campaign_run.Outputs(json_out, html_out, csv_out, parquet_out, junit_out, ftti)
     resuming = context.info_name == "resume"
     where = campaign_run.executor(workers, cluster)
     outputs.check()
@@ -129,7 +129,7 @@ def run(
         ran = campaign_run.carry_out(ready, kept, where, fail_fast)
         if ran.before:
             typer.echo(f"bench: campaign: {ran.before} of {ran.total} trials were in {path}", err=True)
-        campaign_run.report(kept, outputs, ftti)
+        campaign_run.report(kept, outputs)
     if ran.failed:
         typer.echo(f"bench: campaign: trial {ran.failed} failed; {ran.left} not begun", err=True)
         raise typer.Exit(1)
@@ -141,6 +141,13 @@ def report(
     against: Annotated[
         Path | None,
         typer.Option("--against", metavar="STORE", help="Another run: which verdicts changed since then."),
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S",
+            help="With --against: times to detect that differ by no more are equal.  [default: 0.01]",
+        ),
     ] = None,
     ftti: Ftti = None,
     json_out: JsonOut = None,
@@ -154,13 +161,15 @@ def report(
     from campaigns.errors import CampaignError
     from campaigns.store import Store
 
-    outputs = campaign_run.Outputs(json_out, html_out, csv_out, parquet_out, junit_out)
+    outputs = campaign_run.Outputs(json_out, html_out, csv_out, parquet_out, junit_out, ftti)
     outputs.check()
-    with Store.read(store) as found:
-        if against is None:
-            campaign_run.report(found, outputs, ftti)
-            return
-        if csv_out or parquet_out or junit_out:
-            raise CampaignError("--against takes --json and --html alone")
-        with Store.read(against) as before:
-            campaign_run.compare(found, before, outputs)
+    if against is None:
+        if tolerance is not None:
+            raise CampaignError("--tolerance goes with --against")
+        with Store.read(store) as found:
+            campaign_run.report(found, outputs)
+        return
+    if csv_out or parquet_out or junit_out or ftti is not None:
+        raise CampaignError("--against takes --tolerance, --json and --html alone")
+    with Store.read(store) as found, Store.read(against) as before:
+        campaign_run.compare(found, before, outputs, tolerance)

@@ -5,6 +5,7 @@ Belongs here: what `bench campaign run`, `resume` and `report` share. Never: opt
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,18 +27,21 @@ WIDE = 120
 
 @dataclass(frozen=True)
 class Outputs:
-    """The files a report is written to, None for those not asked for."""
+    """The files a report is written to, None for those not asked for; ftti_s: print the margin to it."""
 
     json: Path | None = None
     html: Path | None = None
     csv: Path | None = None
     parquet: Path | None = None
     junit: Path | None = None
+    ftti_s: float | None = None
 
     def check(self) -> None:
         """Refuse before any work what could not be written after it."""
         from bench.whole import check_writable
 
+        if self.ftti_s is not None and not 0 < self.ftti_s < math.inf:
+            raise BenchError(f"--ftti is {self.ftti_s:g}; it must be more than 0")
         for path in (self.json, self.csv, self.parquet, self.junit):
             if path:
                 check_writable(path)
@@ -108,7 +112,7 @@ def carry_out(ready: Stored, store: Store, where: Executor, fail_fast: bool) -> 
         return run(ready.jobs, ready.work, store, where, tell, fail_fast)
 
 
-def report(store: Store, outputs: Outputs, ftti_s: float | None = None) -> None:
+def report(store: Store, outputs: Outputs) -> None:
     """Print a store's tables and write the files asked for."""
     from bench.cli.campaign_page import campaign_page
     from bench.cli.page import write_page
@@ -119,7 +123,7 @@ def report(store: Store, outputs: Outputs, ftti_s: float | None = None) -> None:
 
     plan = plan_of(store)
     rows = list(store.rows())
-    tables = kinds.tables(plan, rows, ftti_s)
+    tables = kinds.tables(plan, rows, outputs.ftti_s)
     console = wide_console()
     console.print(f"[bold]{plan.title}[/]: {plan.stands_for}", highlight=False)
     console.print(about(store.campaign, rows), highlight=False)
@@ -155,16 +159,16 @@ def wide_console() -> Any:
     return console if console.is_terminal or "COLUMNS" in os.environ else Console(width=WIDE)
 
 
-def compare(after: Store, before: Store, outputs: Outputs) -> None:
+def compare(after: Store, before: Store, outputs: Outputs, tolerance_s: float | None = None) -> None:
     """Print which verdicts of `after` differ from those of `before`, and write the files asked for."""
     from bench.cli.campaign_page import difference_page
     from bench.cli.page import write_page
     from campaigns import export
-    from campaigns.differences import difference_tables, differences
+    from campaigns.differences import TOLERANCE_S, difference_tables, differences
 
     names = before.path.name, after.path.name
     rows = list(before.rows()), list(after.rows())
-    found = differences(*rows)
+    found = differences(*rows, TOLERANCE_S if tolerance_s is None else tolerance_s)
     console = wide_console()
     for part in difference_tables(found, *names):
         console.print(part, highlight=False)
