@@ -28,6 +28,8 @@ TITLES = {
     "persistence": "threshold, 0.2 s persistence",
     "cusum": "two-sided CUSUM",
 }
+NAMES = (CHECKS, *TITLES.values())
+"""In the order in which they are compared."""
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,7 @@ def compared(
             continue
         for name, other in result.get("others", {}).items():
             groups.setdefault((trial["condition"], name), []).append((trial["fault"], result, other))
-    names = [CHECKS, *TITLES.values()]
-    ordered = sorted(groups.items(), key=lambda item: (order.index(item[0][0]), names.index(item[0][1])))
+    ordered = sorted(groups.items(), key=lambda item: (order.index(item[0][0]), NAMES.index(item[0][1])))
     return [_one(condition, name, group, t_max_s) for (condition, name), group in ordered]
 
 

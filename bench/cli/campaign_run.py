@@ -114,41 +114,46 @@ def carry_out(ready: Stored, store: Store, where: Executor, fail_fast: bool) -> 
 
 def report(store: Store, outputs: Outputs) -> None:
     """Print a store's tables and write the files asked for."""
+    from functools import partial
+
+    from rich.markup import escape
+
     from bench.cli.campaign_page import campaign_page
     from bench.cli.page import write_page
     from campaigns import export, kinds
     from campaigns.junit import write_junit
+    from campaigns.reading import frame_of, plan_of, rows_of
     from campaigns.road_plan import FAULT_FREE, RoadPlan
     from campaigns.thesis import published_road
 
     plan = plan_of(store)
-    rows = list(store.rows())
+    rows = rows_of(store, plan)
+    road = isinstance(plan, RoadPlan)
+    if outputs.junit and not road:
+        raise BenchError("--junit is for road trials")
     tables = kinds.tables(plan, rows, outputs.ftti_s)
+    # an offline campaign's thousands of trials are in its store, its tables hold what they come to
+    document = export.document(store.campaign, tables, rows if road else [])
+    page = ""
+    if outputs.html:
+        frame, published = (partial(frame_of, store), published_road()) if road else (None, None)
+        page = campaign_page(document, frame, published, *kinds.page_parts(plan, tables))
     console = wide_console()
-    console.print(f"[bold]{plan.title}[/]: {plan.stands_for}", highlight=False)
-    console.print(about(store.campaign, rows), highlight=False)
+    console.print(f"[bold]{escape(plan.title)}[/]: {escape(plan.stands_for)}", highlight=False)
+    console.print(about(store.campaign, rows), highlight=False, markup=False)
     for part in kinds.shown(plan, tables):
         console.print(part, highlight=False)
         console.print()
-    road = isinstance(plan, RoadPlan)
     if outputs.csv:
         export.write_csv(outputs.csv, rows)
     if outputs.parquet:
         export.write_parquet(outputs.parquet, rows, store.campaign)
-    if outputs.junit:
-        if not isinstance(plan, RoadPlan):
-            raise BenchError("--junit is for road trials")
+    if outputs.junit and isinstance(plan, RoadPlan):
         write_junit(outputs.junit, store.campaign["name"], rows, [FAULT_FREE, *plan.faults])
-    if outputs.json or outputs.html:
-        # an offline campaign's thousands of trials are in its store, its tables hold what they come to
-        document = export.document(store.campaign, tables, rows if road else [])
-        if outputs.json:
-            export.write_json(outputs.json, document)
-        if outputs.html:
-            sheets, plots = kinds.page_parts(plan, tables)
-            published = published_road() if road else None
-            frame = store.frame if road else None
-            write_page(outputs.html, campaign_page(document, frame, published, sheets, plots))
+    if outputs.json:
+        export.write_json(outputs.json, document)
+    if outputs.html:
+        write_page(outputs.html, page)
 
 
 def wide_console() -> Any:
@@ -161,28 +166,37 @@ def wide_console() -> Any:
 
 def compare(after: Store, before: Store, outputs: Outputs, tolerance_s: float | None = None) -> None:
     """Print which verdicts of `after` differ from those of `before`, and write the files asked for."""
+    from functools import partial
+
     from bench.cli.campaign_page import difference_page
     from bench.cli.page import write_page
     from campaigns import export
     from campaigns.differences import TOLERANCE_S, difference_tables, differences
+    from campaigns.reading import frame_of, plan_of, rows_of
 
     names = before.path.name, after.path.name
-    rows = list(before.rows()), list(after.rows())
-    found = differences(*rows, TOLERANCE_S if tolerance_s is None else tolerance_s)
+    first, second = (rows_of(store, plan_of(store)) for store in (before, after))
+    found = differences(first, second, TOLERANCE_S if tolerance_s is None else tolerance_s)
+    if not found["matched"]:
+        raise BenchError(f"{after.path}: has no trial in common with {before.path}, whatever their ECUs")
+    page = ""
+    if outputs.html:
+        before_by_id, after_by_id = ({row.id: row for row in rows} for rows in (first, second))
+        trials = [
+            tuple(
+                {"id": row.id, "trial": row.trial, "result": row.result}
+                for row in (before_by_id[change["a"]], after_by_id[change["b"]])
+            )
+            for change in found["changed"]
+        ]
+        frames = partial(frame_of, before), partial(frame_of, after)
+        page = difference_page(found, names, trials, frames, (before.campaign, after.campaign))
     console = wide_console()
     for part in difference_tables(found, *names):
         console.print(part, highlight=False)
     if outputs.json:
         export.write_json(outputs.json, found)
     if outputs.html:
-        by_id = [{row.id: row for row in side} for side in rows]
-        trials = []
-        for change in found["changed"]:
-            sides = [rows_of[change[key]] for rows_of, key in zip(by_id, "ab", strict=True)]
-            trials.append(tuple({"id": row.id, "trial": row.trial, "result": row.result} for row in sides))
-        page = difference_page(
-            found, names, trials, (before.frame, after.frame), (before.campaign, after.campaign)
-        )
         write_page(outputs.html, page)
 
 
@@ -196,28 +210,3 @@ def about(campaign: dict[str, Any], rows: Sequence[Any]) -> str:
     places = {"mcu": "the emulated STM32F405", "host": "the host core"}
     on = "".join(f"; ECU {ecu} on {places[place]}, CAN at 500 kbit/s" for ecu, place in sorted(ecus))
     return f"{len(rows)} trials, {laps}{on}\n"
-
-
-def plan_of(store: Store) -> StoredPlan:
-    """The plan a store was made for. Raises CampaignError for one of another kind."""
-    from pydantic import ValidationError
-
-    from campaigns.errors import CampaignError
-    from campaigns.narx_plan import NarxGrid
-    from campaigns.offline_plan import OfflineCampaign
-    from campaigns.road_plan import RoadPlan
-
-    table = store.campaign.get("plan", {})
-    kinds: dict[Any, type[StoredPlan]] = {
-        "road": RoadPlan,
-        "offline": OfflineCampaign,
-        "narx_grid": NarxGrid,
-    }
-    try:
-        # canonical JSON has its keys in order of the alphabet, the tables have the plan's
-        if "faults" in table:
-            faults = {name: table["faults"][name] for name in store.campaign["conditions"]}
-            table = {**table, "faults": faults}
-        return kinds[table.get("kind")](**table)
-    except (KeyError, TypeError, AttributeError, ValidationError):
-        raise CampaignError(f"{store.path}: holds no campaign that can be reported on") from None

@@ -19,11 +19,6 @@ FAILED = [n for n in range(COUNT) if quick(Trifle(n))[0]["outcome"] == "MD"]
 
 
 @pytest.fixture
-def path(tmp_path):
-    return tmp_path / "store"
-
-
-@pytest.fixture
 def store(path):
     with Store.open(path, CAMPAIGN) as store:
         yield store
