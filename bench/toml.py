@@ -15,3 +15,5 @@ def read_table(path: Path, error: type[BenchError]) -> dict[str, Any]:
         raise error(f"{path}: cannot be read: {problem.strerror}") from None
     except ValueError as problem:  # no TOML, no UTF-8, or a number longer than Python converts
         raise error(f"{path}: not TOML: {problem}") from None
+    except RecursionError:
+        raise error(f"{path}: not TOML: nested too deep to be read") from None

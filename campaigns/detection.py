@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from campaigns.outcomes import Document, Row, count, number, rank, rate, valid
+from campaigns.outcomes import count, number, rank, rate, valid
+from campaigns.store import Document, Row
 
 NEUTRAL = {"gain": 1.0, "by": 0.0, "mm": 0.0}
 """Parameter of a fault -> the value at which it is none; of others no smallest one is sought."""

@@ -6,12 +6,14 @@ Belongs here: matching, comparing, the table for a terminal. Never: waveforms; t
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from campaigns.errors import CampaignError
-from campaigns.outcomes import Document, Row, rank, td_s
+from campaigns.outcomes import key_of, rank, td_s
 from campaigns.statistics import sign_test
+from campaigns.store import Document, Row
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -29,8 +31,11 @@ def differences(a: Iterable[Row], b: Iterable[Row], tolerance_s: float = TOLERAN
     changed: matched trials whose outcome, named kind or time to detect (by more than `tolerance_s`) differs.
     detections: CD lost and won from a to b where both runs are valid, and McNemar's exact p; quiet: the same
     of laps without a fault and without an alarm. times: those that grew and shrank, and the sign test's p.
-    Raises CampaignError for trials that are no road trials, or differ within a store in their ECU alone.
+    Raises CampaignError for trials that are no road trials, or differ within a store in their ECU alone, and
+    for a tolerance that is none.
     """
+    if not 0 <= tolerance_s < math.inf:
+        raise CampaignError(f"a tolerance of {tolerance_s:g} s; it must be at least 0")
     before, after = _matchable(a, "the first store"), _matchable(b, "the second store")
     both = sorted(before.keys() & after.keys(), key=lambda key: _place(before[key]))
     pairs = [(before[key], after[key]) for key in both]
@@ -64,7 +69,7 @@ def difference_tables(found: Document, name_a: str, name_b: str) -> list[Rendera
         table.add_column(head)
     for change in found["changed"][:MOST]:
         cells = (_arrow(change[what]) for what in ("outcome", "named", "td_s"))
-        table.add_row(*map(escape, (condition_of(change), change["fault"], *cells)))
+        table.add_row(*map(escape, (key_of(change), change["fault"], *cells)))
     if len(found["changed"]) > MOST:
         table.caption = f"and {len(found['changed']) - MOST} more: --json and --html have all"
     return ["\n".join(lines), table]
@@ -90,12 +95,6 @@ def summary(found: Document, name_a: str, name_b: str) -> list[str]:
     for name, alone in ((name_a, found["only_a"]), (name_b, found["only_b"])):
         lines += [f"only in {name}: {len(alone)} trials"] * bool(alone)
     return lines
-
-
-def condition_of(change: Mapping[str, Any]) -> str:
-    """Condition and parameters as one name."""
-    swept = ",".join(f"{name}={value}" for name, value in sorted(change["parameters"].items()))
-    return f"{change['condition']}[{swept}]" if swept else str(change["condition"])
 
 
 def _matchable(rows: Iterable[Row], where: str) -> dict[str, Row]:

@@ -17,7 +17,8 @@ from typing import Any
 from bench.whole import whole
 from campaigns.detection import detection_curves
 from campaigns.errors import CampaignError
-from campaigns.outcomes import Document, Row, outcomes
+from campaigns.outcomes import outcomes
+from campaigns.store import Document, Row
 
 LEADING = (
     *("id", "condition", "parameters.", "lap.", "fault", "outcome", "reason", "named"),
@@ -33,15 +34,10 @@ def document(campaign: Document, tables: Document, rows: Iterable[Row]) -> Docum
     return whole_document
 
 
-def road_tables(
-    rows: Iterable[Row],
-    order: Sequence[str] = (),
-    by: Sequence[str] | None = None,
-    ftti_s: float | None = None,
-) -> Document:
+def road_tables(rows: Iterable[Row], order: Sequence[str] = (), ftti_s: float | None = None) -> Document:
     """The tables of road trials: `outcomes`, and the detection curves of a sweep as "curves"."""
     rows = list(rows)
-    return {**outcomes(rows, order, by, ftti_s), "curves": detection_curves(rows)}
+    return {**outcomes(rows, order, ftti_s), "curves": detection_curves(rows)}
 
 
 def flat(row: Row) -> Document:

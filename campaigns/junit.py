@@ -13,7 +13,8 @@ from pathlib import Path
 from xml.etree import ElementTree as Xml
 
 from campaigns.export import flat, write_text
-from campaigns.outcomes import Row, lap_name
+from campaigns.outcomes import lap_name
+from campaigns.store import Row
 
 FAILED = ("MD", "FA", "ID")
 SHOWN = (

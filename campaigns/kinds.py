@@ -24,16 +24,14 @@ from campaigns.road_plan import FAULT_FREE, RoadPlan
 from campaigns.runner import Job, Work
 from campaigns.sheets import Sheet, invalid_lines, rich_table, sheets
 from campaigns.soft_sensor_tables import grid_table
-from campaigns.store import Row
+from campaigns.store import Document, Row
 from campaigns.thesis import published_road
-from campaigns.trial import RoadWork
 from targets.calibration import Calibration
 from targets.ecus import Build, calibration_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-Document = dict[str, Any]
 StoredPlan = RoadPlan | OfflineCampaign | NarxGrid
 
 
@@ -51,8 +49,7 @@ def road(
     name: str, plan: RoadPlan, build: Build, files: Sequence[LapFile], where: Mapping[str, Any]
 ) -> Stored:
     """A road trial with `build` in every lap. where: folder, map_file and repair of laps of one's own."""
-    trials, work = expand(plan, build, files)
-    work = RoadWork(work.builds, **where)
+    trials, work = expand(plan, build, files, **where)
     laps = [file.sha256 for file in files] or None
     campaign = _campaign(name, plan, laps, {"ecu": [one.provenance() for one in work.builds]})
 
@@ -60,7 +57,7 @@ def road(
         # what is compiled once, so that forked workers have it and others find it on disk
         from dataclasses import replace
 
-        from campaigns.trial import Simulated
+        from campaigns.laps import Simulated
 
         if trials:
             short = Simulated("mixed_5km", "gsxr1000", 0, 1.0)
@@ -111,7 +108,7 @@ def tables(plan: StoredPlan, rows: Iterable[Row], ftti_s: float | None = None) -
     """Every figure of a campaign, from its finished trials alone."""
     rows = list(rows)
     if isinstance(plan, RoadPlan):
-        return road_tables(rows, [FAULT_FREE, *plan.faults], None, ftti_s)
+        return road_tables(rows, [FAULT_FREE, *plan.faults], ftti_s)
     pairs = [(row.trial, row.result) for row in rows]
     if isinstance(plan, NarxGrid):
         return {"cells": [finite_cell(cell) for cell in narx.grid_cells(plan, pairs)]}

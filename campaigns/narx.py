@@ -13,10 +13,10 @@ import numpy as np
 from bench import pool
 from bench.laps.lap import Lap
 from bench.plant.motorcycle import load_motorcycle
-from bench.plant.ride import ride
-from bench.plant.route import load_route
 from bench.sensors.datasheets import load_sensors
-from campaigns.narx_plan import Laps, NarxGrid, NarxLeaveOneOut, NarxPerformance
+from campaigns.fields import Laps
+from campaigns.laps import Simulated
+from campaigns.narx_plan import NarxGrid, NarxLeaveOneOut, NarxPerformance
 from campaigns.soft_sensor import (
     WASHOUT,
     Predictor,
@@ -28,7 +28,7 @@ from campaigns.soft_sensor import (
     ranges,
     sequences,
 )
-from campaigns.store import trial_id
+from campaigns.store import Document, Identified
 from targets.errors import TrainingError
 from targets.narx import measures
 from targets.narx.network import Narx
@@ -37,13 +37,12 @@ from targets.narx.settings import Settings, recipe_of, relative_suits
 from targets.narx.train import train
 
 Tell = Callable[[str], None]
-Document = dict[str, Any]
 
 
 def ridden(laps: Laps) -> list[Lap]:
     """The simulated laps of a plan."""
-    route, machine = load_route(laps.route), load_motorcycle(laps.motorcycle)
-    return [ride(route, machine, seed) for seed in range(laps.seed, laps.seed + laps.count)]
+    seeds = range(laps.seed, laps.seed + laps.count)
+    return [Simulated(laps.route, laps.motorcycle, seed).ridden() for seed in seeds]
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class GridTrial:
+class GridTrial(Identified):
     """One network of the grid. shared: what all of them have in common, part of each one's identity."""
 
     neurons: int
@@ -73,13 +72,8 @@ class GridTrial:
     seed: int
     shared: Document = field(repr=False, compare=False)
 
-    @property
-    def id(self) -> str:
-        """Derived from the content."""
-        return trial_id(self.document())
-
     def document(self) -> Document:
-        """All that decides the result."""
+        """See `Identified`."""
         which = {"neurons": self.neurons, "delays": self.delays, "seed": self.seed}
         return {"kind": "narx_grid", **which, **self.shared}
 

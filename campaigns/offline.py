@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from hashlib import sha256
 from pathlib import PurePath
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,24 +16,19 @@ from numpy.typing import NDArray
 from bench import pool
 from bench.faults.spec import parse_fault
 from bench.laps.lap import Lap
-from bench.plant.motorcycle import load_motorcycle
-from bench.plant.ride import ride
-from bench.plant.route import load_route
+from campaigns.laps import Recorded, Simulated
 from campaigns.offline_insertion import inserted, predicted
 from campaigns.offline_lap import SAMPLE_NS, Cells, Course, course, feedbacks
 from campaigns.offline_plan import SAMPLE_MS, OfflineCampaign, t_key
 from campaigns.soft_sensor import WASHOUT
-from campaigns.store import trial_id
+from campaigns.store import Document, Identified
 from targets.calibration import Calibration
 from targets.detector import Detector
 from targets.narx import curves, measures
 from targets.narx.network import Narx
 
 Floats = NDArray[np.float64]
-Document = dict[str, Any]
 Tell = Callable[[str], None]
-Trial = tuple[Document, Document]
-"""A trial's document and its result."""
 
 SOE_MS = 500
 """The window of figures V.6 and V.7 beside those of the tables."""
@@ -46,11 +41,10 @@ class Detects(Protocol):
     def document(self) -> Document:
         """What decides its alarms, as plain data: part of the trials' identity."""
 
-    def first_alarm(self, measured: Floats, predicted: Floats, start: int) -> tuple[int, str | None]:
+    def first_alarm(self, measured: Floats, predicted: Floats) -> tuple[int, str | None]:
         """The sample of its first alarm, -1 for none, and the kind of fault it named.
 
-        measured, predicted: 100 Hz, mm, (samples,), from power-on until the fault counts as missed; the fault
-        acts from sample `start` on, and an alarm before that is a false one.
+        measured, predicted: 100 Hz, mm, (samples,), from power-on until the fault counts as missed.
         """
 
 
@@ -114,17 +108,14 @@ def prepare(
 
 def _course(which: Lap | int, plan: OfflineCampaign, network: Narx, detector: Detector) -> Course:
     if isinstance(which, Lap):
-        # the folder it lies in decides nothing
-        document: Document = {"file": PurePath(which.source).name, "sha256": which.digest()}
-        return course(which, document, 0, plan, network, detector)
-    test = plan.test
-    lap = ride(load_route(test.route), load_motorcycle(test.motorcycle), which)
-    document = {"route": test.route, "motorcycle": test.motorcycle, "seed": which, "seconds": None}
-    return course(lap, document, which, plan, network, detector)
+        recorded = Recorded(PurePath(which.source).name, which.digest())
+        return course(which, recorded.document(), 0, plan, network, detector)
+    simulated = Simulated(plan.test.route, plan.test.motorcycle, which)
+    return course(simulated.ridden(), simulated.document(), which, plan, network, detector)
 
 
 @dataclass(frozen=True)
-class OfflineTrial:
+class OfflineTrial(Identified):
     """One fault in one lap, for one feedback. fault: its specification. lap: which of the prepared ones."""
 
     condition: str
@@ -134,13 +125,8 @@ class OfflineTrial:
     lap: int
     shared: Document = field(repr=False, compare=False)
 
-    @property
-    def id(self) -> str:
-        """Derived from the content."""
-        return trial_id(self.document())
-
     def document(self) -> Document:
-        """All that decides the result. number: two faults may be drawn alike, and both count."""
+        """See `Identified`; number: two faults may be drawn alike, and both count."""
         return {
             "kind": "offline",
             "condition": self.condition,
@@ -174,13 +160,13 @@ class OfflineTrial:
         }
         others: Document = {}
         for name, other in prepared.others.items():
-            at, named = other.first_alarm(faulty.y, y_p, start)
+            at, named = other.first_alarm(faulty.y, y_p)
             others[name] = {"first_alarm_ns": _ns(at), "named": named}
         return {**result, "others": others} if others else result
 
 
 @dataclass(frozen=True)
-class SoeTrial:
+class SoeTrial(Identified):
     """Figures V.6 and V.7: how often the healthy laps' residual exceeds a tolerance, for one feedback."""
 
     feedback: str
@@ -188,13 +174,8 @@ class SoeTrial:
     L_ms: tuple[int, ...]
     shared: Document = field(repr=False, compare=False)
 
-    @property
-    def id(self) -> str:
-        """Derived from the content."""
-        return trial_id(self.document())
-
     def document(self) -> Document:
-        """All that decides the result."""
+        """See `Identified`."""
         return {
             "kind": "offline_soe",
             "feedback": self.feedback,
@@ -259,20 +240,6 @@ def _draw(seed: int, condition: str, number: int, instants: NDArray[np.int64]) -
 def work(job: Job, prepared: Prepared) -> tuple[Document, None]:
     """Carry out one trial, as a campaign's runner wants it: its result, and no freeze frame."""
     return job.result(prepared), None
-
-
-def offline(
-    plan: OfflineCampaign,
-    laps: Sequence[Lap] | None,
-    calibration: Calibration,
-    tell: Tell = lambda _: None,
-    workers: int = 1,
-) -> list[Trial]:
-    """The whole campaign in this process and `workers` more: every trial with its result."""
-    prepared = prepare(plan, laps, calibration, tell, workers)
-    every = jobs(prepared)
-    results = pool.results(partial(work, prepared=prepared), every, workers)
-    return [(job.document(), result) for job, (result, _) in zip(every, results, strict=True)]
 
 
 def _ns(sample: int) -> int | None:

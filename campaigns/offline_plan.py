@@ -3,9 +3,9 @@
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
-from campaigns.narx_plan import Count, Laps, Seed
+from campaigns.fields import Campaign, Count, Fault, Laps, Name, Seed
 
 SAMPLE_MS = 10
 """The control loop's period: what L is counted in."""
@@ -16,7 +16,7 @@ Multiple = Annotated[int, Field(ge=1, le=1000, strict=True)]
 Percent = Annotated[float, Field(gt=0, le=1000)]
 
 
-class OfflineCampaign(BaseModel):
+class OfflineCampaign(Campaign):
     """Tables V.1-V.12: `faults_per_kind` faults of each kind in the laps of `test`, one a trial.
 
     faults: condition -> fault without its instant. L_ms: windows of (V.1), n: multiples of them for which the
@@ -26,23 +26,19 @@ class OfflineCampaign(BaseModel):
     `model` has none of its own.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
     kind: Literal["offline"]
-    title: str
-    stands_for: str
     test: Laps
     sensors: str = "datasheet"
     model: str | None = None
     compare: str | None = None
     seed: Seed
-    faults: Annotated[dict[str, str], Field(min_length=1)]
+    faults: Annotated[dict[Name, Fault], Field(min_length=1)]
     faults_per_kind: Count = 1000
-    L_ms: Annotated[list[Window], Field(min_length=1)] = [10, 20, 50, 100, 150, 200]
-    n: Annotated[list[Multiple], Field(min_length=1)] = [1, 2, 3, 4, 5]
-    T_percent: Annotated[list[Percent], Field(min_length=1)] = [10.0]
+    L_ms: list[Window] = Field([10, 20, 50, 100, 150, 200], min_length=1)
+    n: list[Multiple] = Field([1, 2, 3, 4, 5], min_length=1)
+    T_percent: list[Percent] = Field([10.0], min_length=1)
     t_max_s: Annotated[float, Field(gt=0, le=7200)] = 120.0
-    feedback: Annotated[list[Feedback], Field(min_length=1)] = ["predicted", "measured"]
+    feedback: list[Feedback] = Field(["predicted", "measured"], min_length=1)
 
     @field_validator("L_ms", "n", "T_percent")
     @classmethod
@@ -77,6 +73,3 @@ class OfflineCampaign(BaseModel):
 def t_key(T_percent: float) -> str:
     """How a T is named in documents: 10 for 10 %."""
     return f"{T_percent:.15g}"
-
-
-KINDS: dict[str, type[OfflineCampaign]] = {"offline": OfflineCampaign}

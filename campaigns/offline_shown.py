@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from campaigns.offline_plan import OfflineCampaign
 from campaigns.offline_tables import Grid, grids, invalid
 from campaigns.sheets import Cell, Sheet
+from campaigns.store import Document
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-Document = dict[str, Any]
 
 MOST_PERCENT = 20.0
 """Where the SOE curves' axis ends, as in Figure V.7."""

@@ -4,15 +4,15 @@ Belongs here: a document's figures (`offline_score`) as grids of text. Never: a 
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from bench.faults.spec import parse_fault
 from campaigns.offline_plan import OfflineCampaign, t_key
 from campaigns.offline_score import GREY, OUTCOMES, PROMPT_S, chosen
 from campaigns.sheets import Cell, at
+from campaigns.store import Document
 from campaigns.thesis import NAMES, thesis
 
-Document = dict[str, Any]
 Published = Mapping[tuple[int, int], Mapping[str, float]]
 """(L in ms, n) -> outcome -> percent."""
 

@@ -12,57 +12,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from bench.errors import FaultError
 from bench.faults.spec import parse_fault
 from campaigns.statistics import Rate, Times, alarm_rate_bound, mean_and_deviation, middle, times
-
-Document = dict[str, Any]
+from campaigns.store import Document, Row
 
 OUTCOMES = ("CD", "MD", "FA", "ID")
 """Of a run with a fault, INVALID aside; a run without one is OK or FA."""
 
 
-class Row(Protocol):
-    """A finished trial of a store: its id, what decides it, what became of it."""
-
-    @property
-    def id(self) -> str:
-        """Derived from the trial."""
-
-    @property
-    def trial(self) -> Document:
-        """A road trial's document."""
-
-    @property
-    def result(self) -> Document:
-        """A road trial's result document."""
-
-
-def outcomes(
-    rows: Iterable[Row],
-    order: Sequence[str] = (),
-    by: Sequence[str] | None = None,
-    ftti_s: float | None = None,
-) -> Document:
+def outcomes(rows: Iterable[Row], order: Sequence[str] = (), ftti_s: float | None = None) -> Document:
     """Every figure of a campaign's report: invalid runs, conditions, fault-free laps, step times.
 
-    order: conditions as they shall stand, others follow by name. by: parameters of a sweep that make rows of
-    their own (None: all); the others are pooled. ftti_s: overrides the trials' own. No NaN: null is no value.
+    order: conditions as they shall stand, others follow by name; every point of a sweep is a row of its own.
+    ftti_s: overrides the trials' own. No NaN: null is no value.
     """
     groups: dict[str, list[Row]] = {}
     for row in sorted(rows, key=lambda row: (_place(row, order), row.id)):
-        groups.setdefault(_key(row.trial["condition"], _parameters(row, by)), []).append(row)
+        groups.setdefault(key_of(row.trial), []).append(row)
     every = [row for group in groups.values() for row in group]
     return {
         "n": len(every),
         "invalid": _invalid(every),
         "conditions": [
-            _condition(key, group, by, ftti_s) for key, group in groups.items() if group[0].trial["fault"]
+            _condition(key, group, ftti_s) for key, group in groups.items() if group[0].trial["fault"]
         ],
         "fault_free": [
-            _fault_free(key, group, by) for key, group in groups.items() if not group[0].trial["fault"]
+            _fault_free(key, group) for key, group in groups.items() if not group[0].trial["fault"]
         ],
         "steps": _steps(every),
     }
@@ -112,15 +90,10 @@ def lap_name(lap: Document, road: bool = True) -> str:
     return f"seed {lap['seed']}" + (f", {lap['route']}, {lap['motorcycle']}" if road else "")
 
 
-def _key(condition: str, parameters: Mapping[str, Any]) -> str:
-    swept = ",".join(f"{name}={value}" for name, value in parameters.items())
-    return f"{condition}[{swept}]" if swept else condition
-
-
-def _parameters(row: Row, by: Sequence[str] | None) -> Document:
-    return {
-        name: value for name, value in sorted(row.trial["parameters"].items()) if by is None or name in by
-    }
+def key_of(trial: Mapping[str, Any]) -> str:
+    """Condition and parameters as one name; also of what has these two of a trial."""
+    swept = ",".join(f"{name}={value}" for name, value in sorted(trial["parameters"].items()))
+    return f"{trial['condition']}[{swept}]" if swept else str(trial["condition"])
 
 
 def _place(row: Row, order: Sequence[str]) -> tuple[Any, ...]:
@@ -157,25 +130,25 @@ def _invalid(rows: Sequence[Row]) -> Document:
     return {"n": len(runs), "runs": runs}
 
 
-def _head(key: str, group: Sequence[Row], by: Sequence[str] | None) -> Document:
+def _head(key: str, group: Sequence[Row]) -> Document:
     n = len(valid(group))
     return {
         "key": key,
         "condition": group[0].trial["condition"],
-        "parameters": _parameters(group[0], by),
+        "parameters": dict(sorted(group[0].trial["parameters"].items())),
         "invalid": len(group) - n,
         "n": n,
     }
 
 
-def _condition(key: str, group: Sequence[Row], by: Sequence[str] | None, ftti_s: float | None) -> Document:
+def _condition(key: str, group: Sequence[Row], ftti_s: float | None) -> Document:
     runs = valid(group)
     counts = {outcome: count(runs, outcome) for outcome in OUTCOMES}
     td = times([row.result["td_ns"] for row in runs if row.result["outcome"] == "CD"])
     # What was not found correctly took longer than any time that was seen.
     every = [*td.values_s, *[math.inf] * (len(runs) - len(td.values_s))]
     return {
-        **_head(key, group, by),
+        **_head(key, group),
         **counts,
         "rates": {outcome: rate(hits, len(runs)) for outcome, hits in counts.items()},
         "coverage": finite(Rate(counts["CD"], len(runs)).supported),
@@ -221,13 +194,13 @@ def _ftti(runs: Sequence[Row], td: Times, ftti_s: float | None) -> Document | No
     }
 
 
-def _fault_free(key: str, group: Sequence[Row], by: Sequence[str] | None) -> Document:
+def _fault_free(key: str, group: Sequence[Row]) -> Document:
     laps = valid(group)
     hours = sum(row.result["ridden_ns"] for row in laps) / 3.6e12
     alarms = sum(row.result["alarms"] for row in laps)
     false = count(laps, "FA")
     return {
-        **_head(key, group, by),
+        **_head(key, group),
         "OK": count(laps, "OK"),
         "FA": false,
         "rates": {"FA": rate(false, len(laps))},

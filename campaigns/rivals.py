@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from campaigns.outcomes import expected_kind, finite, rate
 from campaigns.sheets import NONE, Cell, Sheet, percent, seconds
 from campaigns.statistics import times
+from campaigns.store import Document
 from targets import baselines
 from targets.baselines import Baseline
 from targets.calibration import Calibration
@@ -21,14 +22,14 @@ from targets.detector import Checks
 from targets.errors import CalibrationError
 
 Floats = NDArray[np.float64]
-Document = dict[str, Any]
-
 CHECKS = "second detector"
 TITLES = {
     "residual": "residual (V.1), T tuned",
     "persistence": "threshold, 0.2 s persistence",
     "cusum": "two-sided CUSUM",
 }
+NAMES = (CHECKS, *TITLES.values())
+"""In the order in which they are compared."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class ChecksRival:
         """What decides its alarms."""
         return {"type": self.checks.TYPE, **asdict(self.checks)}
 
-    def first_alarm(self, measured: Floats, predicted: Floats, start: int) -> tuple[int, str | None]:
+    def first_alarm(self, measured: Floats, predicted: Floats) -> tuple[int, str | None]:
         """The first alarm since power-on, and the kind it names."""
         at, named = first_alarm(predicted, measured, 0, self.checks)
         return (-1, None) if at is None else (at, named if named != KINDS[0] else None)
@@ -58,7 +59,7 @@ class BaselineRival:
         """What decides its alarms."""
         return {"type": type(self.baseline).__name__.lower(), "warmup": self.warmup, **vars(self.baseline)}
 
-    def first_alarm(self, measured: Floats, predicted: Floats, start: int) -> tuple[int, str | None]:
+    def first_alarm(self, measured: Floats, predicted: Floats) -> tuple[int, str | None]:
         """The first alarm since the warm-up's end; it names no kind."""
         at = baselines.first_alarm(self.baseline, predicted, measured, self.warmup)
         return (-1 if at is None else at), None
@@ -92,8 +93,7 @@ def compared(
             continue
         for name, other in result.get("others", {}).items():
             groups.setdefault((trial["condition"], name), []).append((trial["fault"], result, other))
-    names = [CHECKS, *TITLES.values()]
-    ordered = sorted(groups.items(), key=lambda item: (order.index(item[0][0]), names.index(item[0][1])))
+    ordered = sorted(groups.items(), key=lambda item: (order.index(item[0][0]), NAMES.index(item[0][1])))
     return [_one(condition, name, group, t_max_s) for (condition, name), group in ordered]
 
 

@@ -2,15 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.faults.spec import parse_fault
+from bench.sensors.datasheets import load_sensors
 from campaigns.errors import CampaignError
-from campaigns.road_plan import DETECTOR, FAULT_FREE, PHASE, RoadPlan
-from campaigns.trial import Recorded, RoadWork, Simulated, Trial
+from campaigns.laps import Recorded, Simulated
+from campaigns.outcomes import number
+from campaigns.road_plan import DETECTOR, FAULT_FREE, LAP_PARAMETERS, LOAD, PHASE, RoadPlan
+from campaigns.trial import RoadWork, Trial
 from targets.ecus import Build
 
 LAST_S = 1.0
@@ -63,15 +65,18 @@ class Builds:
 
 
 def expand(
-    plan: RoadPlan, base: Build, files: Sequence[LapFile] = (), folder: Path | None = None
+    plan: RoadPlan, base: Build, files: Sequence[LapFile] = (), **where: Any
 ) -> tuple[list[Trial], RoadWork]:
     """The trials in the order of the tables, fault-free laps first, and what carries them out.
 
     files: laps of one's own instead of simulated ones: each is ridden once without a fault, and in turn with
-    one. Every condition has laps of its own; the points of a sweep share theirs, so that they can be
-    compared. Raises CampaignError for a lap that ends before the faults come, FaultError for a fault that
-    cannot be.
+    one; where: how `RoadWork` reads them. Every condition has laps of its own; the points of a sweep share
+    theirs, so that they can be compared. Raises CampaignError for a lap that ends before the faults come,
+    FaultError, RouteError and SensorError for what cannot be inserted, ridden and measured with.
     """
+    for name in LAP_PARAMETERS:
+        if files and name in plan.sweep:
+            raise CampaignError(f"sweep.{name}: laps of one's own are as they were ridden")
     builds = Builds(base)
     numbers = {name: k for k, name in enumerate([FAULT_FREE, *plan.faults])}
     trials = []
@@ -93,7 +98,16 @@ def expand(
             trials.append(
                 Trial(condition, parameters, lap, sensors, seed, spec, build, ecu, plan.td_max_s, plan.ftti_s)
             )
-    return trials, RoadWork(tuple(builds.all), folder)
+    _check_parts(trials)
+    return trials, RoadWork(tuple(builds.all), **where)
+
+
+def _check_parts(trials: Sequence[Trial]) -> None:
+    """Refuse now what would only show when its turn comes, after hours perhaps."""
+    for lap in dict.fromkeys(replace(t.lap, seed=0) for t in trials if isinstance(t.lap, Simulated)):
+        lap.parts()
+    for name in dict.fromkeys(trial.sensors for trial in trials):
+        load_sensors(name)
 
 
 def _lap(
@@ -105,7 +119,10 @@ def _lap(
     routes = [plan.route] if isinstance(plan.route, str) else plan.route
     route = str(parameters.get("route", routes[int(_draw(seed, 2).integers(len(routes)))]))
     motorcycle = str(parameters.get("motorcycle", plan.motorcycle))
-    return Simulated(route, motorcycle, seed, plan.seconds), plan.seconds
+    load_kg = parameters.get(LOAD, 0.0)
+    if not number(load_kg):
+        raise CampaignError(f"sweep.{LOAD}: {load_kg!r} is no number")
+    return Simulated(route, motorcycle, seed, plan.seconds, float(load_kg)), plan.seconds
 
 
 def _window(plan: RoadPlan, lap: Simulated | Recorded, length_s: float | None) -> tuple[float, float]:
@@ -125,7 +142,7 @@ def _instant(window: tuple[float, float], seed: int, phase: Any) -> str:
     drawn = int(_draw(seed, 1).integers(low, high + 1))
     if phase is None:
         return f"{drawn / 1000:.3f}"
-    if not isinstance(phase, int | float) or not 0 <= phase < PERIOD_MS:
+    if not number(phase) or not 0 <= phase < PERIOD_MS:
         raise CampaignError(f"sweep.{PHASE}: {phase!r} is not within 0 to {PERIOD_MS}, the control period")
     return f"{(drawn // PERIOD_MS * PERIOD_MS + phase) / 1000:.6f}"
 

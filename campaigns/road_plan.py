@@ -3,48 +3,50 @@
 import re
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from campaigns.fields import Campaign, Count, Fault, Name, Seed
 from campaigns.sweep import Scalar, Values, points
 
 FAULT_FREE = "fault-free"
 PLACES = re.compile(r"\{([a-z_]+)\}")
 """A swept parameter's place in a fault's specification, as in `rear_stroke:uncalibration:gain={gain}`."""
 
-LAP_PARAMETERS = ("route", "motorcycle", "sensors")
-"""What may be swept beside a fault's parameters: where and with what the laps are ridden,"""
-ECU_PARAMETERS = ("model",)
-"""which calibration the ECU has,"""
+LOAD = "load_kg"
+LAP_PARAMETERS = ("route", "motorcycle", LOAD)
+"""What may be swept beside a fault's parameters: where and with what the laps are simulated, luggage too,"""
+BENCH_PARAMETERS = ("sensors", "model")
+"""through which instruments the ECU sees them, and which calibration it has,"""
 DETECTOR = "detector_"
 """any setting of its detector, after this prefix,"""
 PHASE = "phase_ms"
 """and where in the control period of 10 ms a fault comes."""
 
-Share = Annotated[float, Field(ge=0)]
+MOST_TRIALS = 1_000_000
+"""Of one campaign: more would take years."""
+
+Instant = Annotated[float, Field(ge=0, lt=1e9)]
+"""In seconds: as many digits as a fault's specification has."""
 
 
-class RoadPlan(BaseModel):
+class RoadPlan(Campaign):
     """A validated campaign file of kind `road`; see `road.toml` for what the fields mean."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
     kind: Literal["road"] = "road"
-    title: str
-    stands_for: str
     route: str | Annotated[list[str], Field(min_length=1)]
     motorcycle: str = "gsxr1000"
     sensors: str = "datasheet"
     model: str | None = None
-    laps: Annotated[int, Field(ge=1, le=100_000, strict=True)]
+    laps: Count
     fault_free_laps: Annotated[int | None, Field(ge=0, le=100_000, strict=True)] = None
-    claim_per_hour: Annotated[float | None, Field(gt=0)] = None
-    seed: Annotated[int, Field(ge=0, strict=True)]
+    claim_per_hour: Annotated[float | None, Field(ge=1e-9)] = None
+    seed: Seed
     seconds: Annotated[float | None, Field(gt=0)] = None
-    fault_window_s: tuple[Share, Share]
-    td_max_s: Annotated[float, Field(gt=0)] = 120.0
+    fault_window_s: tuple[Instant, Instant]
+    td_max_s: Annotated[float, Field(gt=0, lt=1e9)] = 120.0
     ftti_s: Annotated[float | None, Field(gt=0)] = None
-    faults: dict[str, str]
-    sweep: dict[str, Values] = {}
+    faults: dict[Name, Fault]
+    sweep: dict[str, Values] = Field({})
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
@@ -62,13 +64,17 @@ class RoadPlan(BaseModel):
         for name in sorted(places - set(self.sweep)):
             raise ValueError(f"faults: {{{name}}} is not swept: [sweep] has no {name}")
         for name in self.sweep:
-            known = (*LAP_PARAMETERS, *ECU_PARAMETERS, PHASE)
+            known = (*LAP_PARAMETERS, *BENCH_PARAMETERS, PHASE)
             if name not in known and not name.startswith(DETECTOR) and name not in places:
                 raise ValueError(
                     f"sweep.{name}: no fault has a {{{name}}}, and it is none of "
                     f"{', '.join(known)}, {DETECTOR}*"
                 )
         points(self.sweep)
+        cells = self.conditions()
+        count = sum(self.laps if fault else self.healthy_laps for _, fault, _ in cells)
+        if count > MOST_TRIALS:
+            raise ValueError(f"{count} trials; {MOST_TRIALS} are the most")
         return self
 
     @property

@@ -12,9 +12,8 @@ from typing import Any, Protocol, TypeVar
 
 from bench import pool
 from campaigns.errors import CampaignError
-from campaigns.store import Store
+from campaigns.store import Document, Store
 
-Document = dict[str, Any]
 PASSED = ("CD", "OK")
 """Outcomes with which `fail_fast` goes on."""
 
@@ -75,9 +74,9 @@ class Ran:
     failed: str | None = None
 
     @property
-    def complete(self) -> bool:
-        """Whether every trial of the campaign is in the store."""
-        return self.before + self.added == self.total
+    def left(self) -> int:
+        """How many trials of the campaign the store still lacks."""
+        return self.total - self.before - self.added
 
 
 def run(

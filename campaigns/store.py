@@ -11,6 +11,7 @@ import shutil
 import sqlite3
 import tempfile
 import zlib
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -43,6 +44,19 @@ def canonical(document: Any) -> str:
 def trial_id(trial: Mapping[str, Any]) -> str:
     """Derived from the content: the same trial has the same id in every campaign."""
     return sha256(canonical(trial).encode()).hexdigest()[:16]
+
+
+class Identified(ABC):
+    """What is known by all that decides it."""
+
+    @abstractmethod
+    def document(self) -> Document:
+        """All that decides the result, and nothing else."""
+
+    @property
+    def id(self) -> str:
+        """Derived from the content: the same trial has the same id in every campaign."""
+        return trial_id(self.document())
 
 
 @dataclass(frozen=True)
@@ -255,11 +269,14 @@ class Store:
         self._connection = sqlite3.connect(Path(self._copy.name) / "store")
 
     def _row(self, id: str, trial: str, result: str) -> Row:
-        return Row(id, self._parsed(trial, f"trial {id}"), self._parsed(result, f"result of trial {id}"))
+        document = self._parsed(trial, f"trial {id}")
+        if trial_id(document) != id:
+            raise CampaignError(f"{self.path}: is damaged: trial {id} is not what its id was derived from")
+        return Row(id, document, self._parsed(result, f"result of trial {id}"))
 
     def _parsed(self, text: str, what: str) -> Document:
         try:
-            document = json.loads(text)
+            document = json.loads(text, parse_constant=_no_number)
         except (ValueError, TypeError, RecursionError):
             document = None
         if not isinstance(document, dict):
@@ -273,6 +290,10 @@ class Store:
             raise CampaignError(
                 f"{self.path}: is damaged: the freeze frame of trial {id} cannot be unpacked"
             ) from None
+
+
+def _no_number(name: str) -> None:
+    raise ValueError(f"{name} is no JSON")
 
 
 def _check_kind(path: Path) -> None:
@@ -294,7 +315,7 @@ def _files(path: Path) -> tuple[Path, ...]:
     return path, path.with_name(f"{path.name}-wal"), path.with_name(f"{path.name}-shm")
 
 
-def _primary(problem: sqlite3.Error) -> int:
+def _primary(problem: Exception) -> int:
     code: int = getattr(problem, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
     return code & 0xFF
 
@@ -306,12 +327,12 @@ def _told(path: Path) -> Iterator[None]:
         yield
     except (sqlite3.IntegrityError, sqlite3.ProgrammingError):  # mistakes of ours, not the file's
         raise
-    except sqlite3.DatabaseError as problem:
+    except (sqlite3.DatabaseError, UnicodeDecodeError) as problem:
         raise CampaignError(f"{path}: {_reason(path, problem)}") from None
 
 
-def _reason(path: Path, problem: sqlite3.Error) -> str:
-    if not hasattr(problem, "sqlite_errorcode"):  # Python's: a text that is not UTF-8
+def _reason(path: Path, problem: Exception) -> str:
+    if not hasattr(problem, "sqlite_errorcode"):  # Python's own: a text, or a table's name, that is not UTF-8
         return "is damaged: it holds what is no text"
     code = _primary(problem)
     # Where the log's index cannot grow, SQLite calls it an I/O error.

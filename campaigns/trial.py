@@ -8,51 +8,16 @@ from typing import Any
 from bench.errors import LapError
 from bench.faults.spec import parse_fault
 from bench.laps.lap import Lap
-from bench.plant.motorcycle import load_motorcycle
-from bench.plant.ride import ride
-from bench.plant.route import load_route
 from bench.run import Run, run_lap
 from bench.sensors.datasheets import load_sensors
 from campaigns.freeze import freeze
-from campaigns.store import trial_id
+from campaigns.laps import Recorded, Simulated
+from campaigns.store import Document, Identified
 from targets.ecus import Build
 
-Document = dict[str, Any]
-
 
 @dataclass(frozen=True)
-class Simulated:
-    """A lap of the simulated motorcycle."""
-
-    route: str
-    motorcycle: str
-    seed: int
-    seconds: float | None = None
-
-    def document(self) -> Document:
-        """All that decides the lap."""
-        return {
-            "route": self.route,
-            "motorcycle": self.motorcycle,
-            "seed": self.seed,
-            "seconds": self.seconds,
-        }
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """A lap in a file; sha256 is the lap's own digest, whatever its format."""
-
-    file: str
-    sha256: str
-
-    def document(self) -> Document:
-        """All that decides the lap."""
-        return {"file": self.file, "sha256": self.sha256}
-
-
-@dataclass(frozen=True)
-class Trial:
+class Trial(Identified):
     """One lap under one condition, with one ECU.
 
     condition: a key of the plan's faults, or FAULT_FREE. parameters: what a sweep set. fault: its
@@ -71,7 +36,7 @@ class Trial:
     ftti_s: float | None = None
 
     def document(self) -> Document:
-        """All that decides the result, and nothing else."""
+        """See `Identified`."""
         return {
             "kind": "road",
             "condition": self.condition,
@@ -84,11 +49,6 @@ class Trial:
             "ftti_s": self.ftti_s,
             "ecu": dict(self.ecu),
         }
-
-    @property
-    def id(self) -> str:
-        """Derived from the content: the same trial has the same id in every campaign."""
-        return trial_id(self.document())
 
 
 @dataclass(frozen=True)
@@ -127,8 +87,7 @@ class RoadWork:
         """The lap of a trial. Raises LapError for a file that is another lap by now."""
         source = trial.lap
         if isinstance(source, Simulated):
-            motorcycle = load_motorcycle(source.motorcycle)
-            return ride(load_route(source.route), motorcycle, source.seed, source.seconds)
+            return source.ridden()
         from bench.laps.channel_map import load_map
         from bench.laps.files import read_lap
 

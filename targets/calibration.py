@@ -10,10 +10,10 @@ import struct
 import zlib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any
 
 from dbc import CHANNELS
-from targets.detector import DETECTORS, AnyDetector, Checks, Detector
+from targets.detector import DETECTORS, AnyDetector, Checks, Detector, is_number
 from targets.detector import document as detector_document
 from targets.detector import read as read_detector
 from targets.errors import CalibrationError
@@ -284,7 +284,7 @@ def _get(table: dict[str, Any], key: str, kind: type) -> Any:
 
 def _number(table: dict[str, Any], key: str) -> float:
     value = table.get(key)
-    if not _is_number(value):
+    if not is_number(value):
         raise CalibrationError(f"{key} is {value!r}, not a finite number")
     return float(value)
 
@@ -310,14 +310,9 @@ def _vector(values: list[Any], key: str) -> "NDArray[np.float64]":
     import numpy as np
 
     for value in values:
-        if not _is_number(value):
+        if not is_number(value):
             raise CalibrationError(f"{key} holds {value!r}, not a finite number")
     return np.array(values, dtype=np.float64)
-
-
-def _is_number(value: Any) -> TypeGuard[int | float]:
-    """A number that single precision can hold; NaN is not, nor is an integer too long for any float."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 3e38
 
 
 def _bound(name: str, value: float, low: float, high: float) -> None:

@@ -3,21 +3,39 @@
 Belongs here: what can be set, and within which bounds. Never: what a detector does with it.
 """
 
-from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, TypeGuard
 
 from targets.errors import CalibrationError
 
 FEEDBACKS = ("predicted", "measured")
 
-Bounds = dict[str, tuple[float, float]]
+
+def is_number(value: object) -> TypeGuard[int | float]:
+    """A number that single precision can hold; NaN is not, nor is an integer too long for any float."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 3e38
 
 
-def _check(detector: Any) -> None:
-    for name, (low, high) in detector.BOUNDS.items():
-        value = getattr(detector, name)
-        if not low <= value <= high:
-            raise CalibrationError(f"{name} is {value}, the ECU takes {low} to {high}")
+def _within(low: float, high: float, default: float) -> Any:
+    """A setting with what the firmware takes of it."""
+    return field(default=default, metadata={"bounds": (low, high)})
+
+
+def _check(detector: "AnyDetector") -> None:
+    for setting in fields(detector):
+        value = getattr(detector, setting.name)
+        if setting.type is str and not isinstance(value, str):
+            raise CalibrationError(f"{setting.name} is {value!r}, not a word")
+        if setting.type is int and not (is_number(value) and isinstance(value, int)):
+            raise CalibrationError(f"{setting.name} is {value!r}, not an integer")
+        if setting.type is float:
+            if not is_number(value):
+                raise CalibrationError(f"{setting.name} is {value!r}, not a finite number")
+            object.__setattr__(detector, setting.name, float(value))
+    for setting in fields(detector):
+        value, bounds = getattr(detector, setting.name), setting.metadata.get("bounds")
+        if bounds and not bounds[0] <= value <= bounds[1]:
+            raise CalibrationError(f"{setting.name} is {value}, the ECU takes {bounds[0]} to {bounds[1]}")
     if detector.feedback not in FEEDBACKS:
         raise CalibrationError(f"feedback {detector.feedback!r} is neither predicted nor measured")
 
@@ -31,21 +49,14 @@ class Detector:
     Raises CalibrationError for what the firmware does not take.
     """
 
-    threshold: float = 0.10
-    window: int = 20
-    multiple: int = 5
+    threshold: float = _within(0.0, 1e6, 0.10)
+    window: int = _within(1, 128, 20)
+    multiple: int = _within(1, 10_000, 5)
     feedback: str = "predicted"
-    warmup: int = 200
-    floor_mm: float = 0.1
+    warmup: int = _within(0, 1_000_000, 200)
+    floor_mm: float = _within(1e-6, 1e3, 0.1)
 
     TYPE: ClassVar[str] = "residual"
-    BOUNDS: ClassVar[Bounds] = {
-        "window": (1, 128),
-        "multiple": (1, 10_000),
-        "warmup": (0, 1_000_000),
-        "threshold": (0.0, 1e6),
-        "floor_mm": (1e-6, 1e3),
-    }
 
     def __post_init__(self) -> None:
         _check(self)
@@ -65,38 +76,22 @@ class Checks:
     """
 
     feedback: str = "predicted"
-    warmup: int = 200
-    rail_steps: int = 3
-    repeat_steps: int = 10
-    hold_window: int = 50
-    loss_window: int = 200
-    heal_steps: int = 100
-    rail_low_mm: float = 0.0134
-    rail_high_mm: float = 109.98
-    rail_gap_mm: float = 10.0
-    repeat_motion_mm: float = 1.0
-    hold_ratio: float = 0.2
-    still_mm: float = 1.0
-    loss_threshold: float = 0.07
-    loss_floor_mm: float = 5.0
+    warmup: int = _within(0, 1_000_000, 200)
+    rail_steps: int = _within(1, 10_000, 3)
+    repeat_steps: int = _within(1, 10_000, 10)
+    hold_window: int = _within(2, 128, 50)
+    loss_window: int = _within(1, 512, 200)
+    heal_steps: int = _within(1, 10_000, 100)
+    rail_low_mm: float = _within(-1e3, 1e3, 0.0134)
+    rail_high_mm: float = _within(-1e3, 1e3, 109.98)
+    rail_gap_mm: float = _within(0.0, 1e3, 10.0)
+    repeat_motion_mm: float = _within(0.0, 1e3, 1.0)
+    hold_ratio: float = _within(0.0, 1.0, 0.2)
+    still_mm: float = _within(0.0, 1e2, 1.0)
+    loss_threshold: float = _within(0.0, 1.0, 0.07)
+    loss_floor_mm: float = _within(1e-3, 1e3, 5.0)
 
     TYPE: ClassVar[str] = "checks"
-    BOUNDS: ClassVar[Bounds] = {
-        "warmup": (0, 1_000_000),
-        "rail_steps": (1, 10_000),
-        "repeat_steps": (1, 10_000),
-        "hold_window": (2, 128),
-        "loss_window": (1, 512),
-        "heal_steps": (1, 10_000),
-        "rail_low_mm": (-1e3, 1e3),
-        "rail_high_mm": (-1e3, 1e3),
-        "rail_gap_mm": (0.0, 1e3),
-        "repeat_motion_mm": (0.0, 1e3),
-        "hold_ratio": (0.0, 1.0),
-        "still_mm": (0.0, 1e2),
-        "loss_threshold": (0.0, 1.0),
-        "loss_floor_mm": (1e-3, 1e3),
-    }
 
     def __post_init__(self) -> None:
         _check(self)
@@ -108,7 +103,7 @@ DETECTORS: dict[str, type[Detector] | type[Checks]] = {kind.TYPE: kind for kind 
 
 def document(detector: AnyDetector) -> dict[str, Any]:
     """The settings as plain data; `read` gives back an equal detector."""
-    return {"type": detector.TYPE} | {f.name: getattr(detector, f.name) for f in fields(detector)}
+    return {"type": detector.TYPE} | {one.name: getattr(detector, one.name) for one in fields(detector)}
 
 
 def read(table: dict[str, Any]) -> AnyDetector:
@@ -116,16 +111,5 @@ def read(table: dict[str, Any]) -> AnyDetector:
     kind = DETECTORS.get(str(table.get("type")))
     if kind is None:
         raise CalibrationError(f"detector type {table.get('type')!r} is none of {', '.join(DETECTORS)}")
-    values: dict[str, Any] = {}
-    for field in fields(kind):
-        value = table.get(field.name)
-        wanted = field.type if isinstance(field.type, str) else field.type.__name__
-        number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 3e38
-        if wanted == "str" and not isinstance(value, str):
-            raise CalibrationError(f"{field.name} is {value!r}, not a word")
-        if wanted == "int" and not (number and isinstance(value, int)):
-            raise CalibrationError(f"{field.name} is {value!r}, not an integer")
-        if wanted == "float" and not number:
-            raise CalibrationError(f"{field.name} is {value!r}, not a finite number")
-        values[field.name] = float(value or 0.0) if wanted == "float" else value
+    values: dict[str, Any] = {setting.name: table.get(setting.name) for setting in fields(kind)}
     return kind(**values)

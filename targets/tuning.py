@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from targets.baselines import Baseline, Cusum, Persistence, Residual
-from targets.checks import findings, log_ratios, rail_runs, repeat_runs, scatters
+from targets.checks import PER_MM, findings, log_ratios, rail_runs, repeat_runs, spreads
 from targets.detector import Checks
 from targets.errors import TrainingError
 
@@ -224,8 +224,9 @@ class _Job:
 
 def lag(predicted: Floats, measured: Floats, window: int, still: float) -> Floats:
     """log of predicted over measured standard deviation in a window; -inf where the prediction is still."""
-    p, m = scatters(predicted, window), scatters(measured, window)
-    moves = p >= window * still * 200.0
+    p, m = (np.sqrt(np.maximum(spreads(values, window), 0)) for values in (predicted, measured))
+    moves = p >= window * still * PER_MM
+    moves[: window - 1] = False
     out = np.full(len(p), -np.inf)
     out[moves] = np.log(p[moves] / np.maximum(m[moves], 1.0))
     return out

@@ -5,16 +5,20 @@ Belongs here: options, files, what is printed. Never: a statistic.
 
 from __future__ import annotations
 
-import json
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bench.cli.options import Map, Model, Repair, SensorsName
+from bench.cli.options import Laps, Map, Model, Repair, SensorsName, json_of, write_json
 
-MATTER = ("strokebench", "numpy", "numba")
-"""Packages that can change a limit."""
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from bench.laps.lap import Lap
+    from targets.calibration import Calibration
+    from targets.tuning import Tuning
 
 app = typer.Typer(help="Set a detector's thresholds.", no_args_is_help=True, pretty_exceptions_enable=False)
 
@@ -39,27 +43,18 @@ def ifd(
     sensors: SensorsName = "datasheet",
     map_file: Map = None,
     repair: Repair = False,
-    json_out: Annotated[
-        Path | None, typer.Option("--json", metavar="OUT", help="Write what the limits rest on as JSON.")
-    ] = None,
+    json_out: Annotated[Path | None, json_of("what the limits rest on")] = None,
 ) -> None:
     """Give the model's network the second detector, its limits and windows tuned on fault-free laps.
 
     Every lap counts as healthy: leave out any that is not. Limits are extrapolated to the budget from the
     highest peaks of each check; windows are those which find a lost calibration, and a held sensor, soonest.
     """
-    import math
-    from dataclasses import asdict, replace
+    from dataclasses import asdict
 
-    from rich.console import Console
-    from rich.table import Table
-
-    from bench.cli.train import laps_in
-    from bench.provenance import versions
     from bench.sensors.datasheets import load_sensors
     from bench.whole import check_writable, whole
-    from campaigns.soft_sensor import network, sequences
-    from targets.baselines import document
+    from campaigns.soft_sensor import network, pairs, sequences
     from targets.calibration import dumps, load
     from targets.ecus import DEFAULT_CALIBRATION
     from targets.errors import TrainingError
@@ -68,73 +63,86 @@ def ifd(
     check_writable(out)
     if json_out:
         check_writable(json_out)
-    if not (loss > 0 and loss < 100):
+    if not 0 < loss < 100:
         raise TrainingError(f"--loss is {loss:g}; it must be more than 0 and less than 100 percent")
-    if not (budget > 0 and math.isfinite(budget)):
+    if not 0 < budget < math.inf:
         raise TrainingError(f"--budget is {budget:g}; it must be more than 0")
     base = load(model or DEFAULT_CALIBRATION)
     instruments = load_sensors(sensors)
-    healthy = laps_in(laps, map_file, repair)
+    healthy = Laps(laps, map_file, repair).read()
     data = sequences(healthy, instruments, base.network.inputs, base.network.output)
-    predicted = network("", base.network, data).predictions
-    tuning = tune([(p, y) for p, (_, y) in zip(predicted, data.runs, strict=True)], budget, loss / 100)
-    found = {
-        "hours": tuning.hours,
-        "budget_per_hour": budget,
-        "loss_percent": loss,
-        "healthy": tuning.healthy,
-        "td_s": tuning.td_s,
-        "missed": tuning.missed,
-    }
-    provenance = {
-        **base.provenance,
-        "detector": {
-            "made_by": "bench calibrate ifd",
-            "versions": {name: v for name, v in versions().items() if name in MATTER},
-            "sensors": instruments.name,
-            "laps_sha256": {lap.source: lap.digest() for lap in healthy},
-            **found,
-        },
-    }
-    baselines = {name: document(baseline) for name, baseline in tuning.baselines.items()}
-    calibration = replace(base, detector=tuning.checks, provenance=provenance, baselines=baselines)
+    tuning = tune(pairs(network("", base.network, data), data), budget, loss / 100)
+    found = _found(tuning, loss)
+    calibration = _with_checks(base, tuning, _provenance(instruments.name, healthy, found))
     with whole(out) as part:
         part.write_text(dumps(calibration), encoding="utf-8")
-    checks = tuning.checks
+    _print(tuning, loss, out)
+    write_json(json_out, {**found, "detector": asdict(tuning.checks), "baselines": calibration.baselines})
+
+
+def _found(tuning: Tuning, loss: float) -> dict[str, Any]:
+    """What the limits rest on, as plain data."""
+    from campaigns.outcomes import finite
+
+    return {
+        "hours": tuning.hours,
+        "budget_per_hour": tuning.budget_per_hour,
+        "loss_percent": loss,
+        "healthy": tuning.healthy,
+        "td_s": {kind: finite(td_s) for kind, td_s in tuning.td_s.items()},
+        "missed": tuning.missed,
+    }
+
+
+def _provenance(sensors: str, healthy: Sequence[Lap], found: dict[str, Any]) -> dict[str, Any]:
+    from bench.provenance import OF_CALIBRATIONS, versions
+
+    return {
+        "made_by": "bench calibrate ifd",
+        "versions": versions(OF_CALIBRATIONS),
+        "sensors": sensors,
+        "laps_sha256": {lap.source: lap.digest() for lap in healthy},
+        **found,
+    }
+
+
+def _with_checks(base: Calibration, tuning: Tuning, provenance: dict[str, Any]) -> Calibration:
+    """The same network with the second detector, and the baselines beside it."""
+    from dataclasses import replace
+
+    from targets.baselines import document
+
+    return replace(
+        base,
+        detector=tuning.checks,
+        provenance={**base.provenance, "detector": provenance},
+        baselines={name: document(baseline) for name, baseline in tuning.baselines.items()},
+    )
+
+
+def _print(tuning: Tuning, loss: float, out: Path) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    checks, seen, td, missed = tuning.checks, tuning.healthy, tuning.td_s, tuning.missed
     title = f"Second detector, tuned on {tuning.hours:.2f} h without a fault"
-    table = Table(title=title, title_justify="left")
+    table = Table(title=title, title_justify="left", caption_justify="left")
     for head in ("check", "window, s", "limit", "healthy", "mean TD, s", "missed"):
         table.add_column(head, justify="left" if head == "check" else "right")
-    seen, td, missed = tuning.healthy, tuning.td_s, tuning.missed
+    loss_seen = f"{seen['loss_threshold']:.4f}"
     rows = (
-        ("rail", "", f"{checks.rail_steps} samples", f"{seen['rail_steps']:.0f}", "", ""),
-        ("repeated code", "", f"{checks.repeat_steps} samples", f"{seen['repeat_steps']:.0f}", "", ""),
-        (
-            "motion",
-            f"{checks.hold_window / 100:g}",
-            f"{checks.hold_ratio:.3f}",
-            f"{seen['hold_ratio']:.3f}",
-            f"{td['hold']:.2f}",
-            f"{100 * missed['hold']:.1f} %",
-        ),
-        (
-            "loss",
-            f"{checks.loss_window / 100:g}",
-            f"{checks.loss_threshold:.4f}",
-            f"{seen['loss_threshold']:.4f}",
-            f"{td['uncalibration']:.2f}",
-            f"{100 * missed['uncalibration']:.1f} %",
-        ),
+        ("rail", None, f"{checks.rail_steps} samples", f"{seen['rail_steps']:.0f}", None),
+        ("repeated code", None, f"{checks.repeat_steps} samples", f"{seen['repeat_steps']:.0f}", None),
+        ("motion", checks.hold_window, f"{checks.hold_ratio:.3f}", f"{seen['hold_ratio']:.3f}", "hold"),
+        ("loss", checks.loss_window, f"{checks.loss_threshold:.4f}", loss_seen, "uncalibration"),
     )
-    for row in rows:
-        table.add_row(*row)
+    for name, window, limit, healthy, kind in rows:
+        times = (f"{td[kind]:.2f}", f"{100 * missed[kind]:.1f} %") if kind else ("", "")
+        table.add_row(name, f"{window / 100:g}" if window else "", limit, healthy, *times)
     table.caption = (
-        f"For {budget:g} false alarms per hour in all. Healthy: the most that was seen without a fault.\n"
-        f"TD: of a hold, and of {loss:g} % lost, put into the same laps; missed: not in 10 s.\nWritten: {out}"
+        f"For {tuning.budget_per_hour:g} false alarms per hour in all. Healthy: the most that was seen "
+        f"without a fault.\nTD: of a hold, and of {loss:g} % lost, put into the same laps; missed: not in "
+        f"10 s.\nWritten: {escape(str(out))}"
     )
-    table.caption_justify = "left"
     Console().print(table, highlight=False)
-    if json_out:
-        with whole(json_out) as part:
-            report = {**found, "detector": asdict(checks), "baselines": baselines}
-            part.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from bench.cli.campaign_trials import Frame
-    from campaigns.outcomes import Document
     from campaigns.sheets import Cell, Sheet
+    from campaigns.store import Document
 
 HERE = Path(__file__).parent
 MOST_FRAMES = 2000

@@ -5,6 +5,7 @@ Belongs here: what `bench campaign run`, `resume` and `report` share. Never: opt
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from bench.errors import BenchError
 
 if TYPE_CHECKING:
+    from bench.cli.options import Laps
     from campaigns.kinds import Stored, StoredPlan
     from campaigns.runner import Executor, Ran
     from campaigns.store import Store
@@ -25,18 +27,21 @@ WIDE = 120
 
 @dataclass(frozen=True)
 class Outputs:
-    """The files a report is written to, None for those not asked for."""
+    """The files a report is written to, None for those not asked for; ftti_s: print the margin to it."""
 
     json: Path | None = None
     html: Path | None = None
     csv: Path | None = None
     parquet: Path | None = None
     junit: Path | None = None
+    ftti_s: float | None = None
 
     def check(self) -> None:
         """Refuse before any work what could not be written after it."""
         from bench.whole import check_writable
 
+        if self.ftti_s is not None and not 0 < self.ftti_s < math.inf:
+            raise BenchError(f"--ftti is {self.ftti_s:g}; it must be more than 0")
         for path in (self.json, self.csv, self.parquet, self.junit):
             if path:
                 check_writable(path)
@@ -46,13 +51,9 @@ class Outputs:
             check_target(self.html, ())
 
 
-@dataclass(frozen=True)
-class Laps:
-    """Laps of one's own: where, and how they are read."""
-
-    folder: Path
-    map_file: Path | None
-    repair: bool
+def processes(workers: int | None) -> int:
+    """How many processes --workers asks for: where it is left out, one for each core."""
+    return workers or os.cpu_count() or 1
 
 
 def executor(workers: int | None, cluster: str | None) -> Executor:
@@ -65,7 +66,7 @@ def executor(workers: int | None, cluster: str | None) -> Executor:
         return Cluster(cluster)
     from campaigns.runner import Local
 
-    return Local(workers or os.cpu_count() or 1)
+    return Local(processes(workers))
 
 
 def prepared(
@@ -75,7 +76,6 @@ def prepared(
     from dataclasses import replace
 
     from bench.cli.progress import counted_progress
-    from bench.cli.train import laps_in
     from campaigns import kinds
     from campaigns.narx_plan import NarxGrid
     from campaigns.road_plan import RoadPlan
@@ -89,25 +89,14 @@ def prepared(
         ecu = build("ifd", host)
         if chosen:
             ecu = replace(ecu, calibration=calibration_of(chosen))
-        files = []
-        if laps:
-            # one at a time: hundreds of laps need not fit in memory
-            files = [kinds.lap_file(path, lap) for path, lap in _each_lap(laps)]
-        where = {"folder": laps.folder, "map_file": laps.map_file, "repair": laps.repair} if laps else {}
+        files = [kinds.lap_file(path, lap) for path, lap in laps.each()] if laps else []
+        where = vars(laps) if laps else {}
         return kinds.road(name, plan, ecu, files, where)
     calibration = calibration_of(chosen) if chosen else build().calibration
-    ridden = laps_in(laps.folder, laps.map_file, laps.repair) if laps else None
+    ridden = laps.read() if laps else None
     count = len(ridden) if ridden is not None else plan.test.count
     with counted_progress("predicting", count) as advance:
-        return kinds.offline(name, plan, calibration, ridden, workers or os.cpu_count() or 1, advance)
-
-
-def _each_lap(laps: Laps) -> Any:
-    from bench.cli.options import open_lap
-    from bench.cli.train import lap_paths
-
-    for path in lap_paths(laps.folder):
-        yield path, open_lap(path, laps.map_file, laps.repair)
+        return kinds.offline(name, plan, calibration, ridden, processes(workers), advance)
 
 
 def carry_out(ready: Stored, store: Store, where: Executor, fail_fast: bool) -> Ran:
@@ -123,43 +112,48 @@ def carry_out(ready: Stored, store: Store, where: Executor, fail_fast: bool) -> 
         return run(ready.jobs, ready.work, store, where, tell, fail_fast)
 
 
-def report(store: Store, outputs: Outputs, ftti_s: float | None = None) -> None:
+def report(store: Store, outputs: Outputs) -> None:
     """Print a store's tables and write the files asked for."""
+    from functools import partial
+
+    from rich.markup import escape
+
     from bench.cli.campaign_page import campaign_page
     from bench.cli.page import write_page
     from campaigns import export, kinds
     from campaigns.junit import write_junit
+    from campaigns.reading import frame_of, plan_of, rows_of
     from campaigns.road_plan import FAULT_FREE, RoadPlan
     from campaigns.thesis import published_road
 
     plan = plan_of(store)
-    rows = list(store.rows())
-    tables = kinds.tables(plan, rows, ftti_s)
+    rows = rows_of(store, plan)
+    road = isinstance(plan, RoadPlan)
+    if outputs.junit and not road:
+        raise BenchError("--junit is for road trials")
+    tables = kinds.tables(plan, rows, outputs.ftti_s)
+    # an offline campaign's thousands of trials are in its store, its tables hold what they come to
+    document = export.document(store.campaign, tables, rows if road else [])
+    page = ""
+    if outputs.html:
+        frame, published = (partial(frame_of, store), published_road()) if road else (None, None)
+        page = campaign_page(document, frame, published, *kinds.page_parts(plan, tables))
     console = wide_console()
-    console.print(f"[bold]{plan.title}[/]: {plan.stands_for}", highlight=False)
-    console.print(about(store.campaign, rows), highlight=False)
+    console.print(f"[bold]{escape(plan.title)}[/]: {escape(plan.stands_for)}", highlight=False)
+    console.print(about(store.campaign, rows), highlight=False, markup=False)
     for part in kinds.shown(plan, tables):
         console.print(part, highlight=False)
         console.print()
-    road = isinstance(plan, RoadPlan)
     if outputs.csv:
         export.write_csv(outputs.csv, rows)
     if outputs.parquet:
         export.write_parquet(outputs.parquet, rows, store.campaign)
-    if outputs.junit:
-        if not isinstance(plan, RoadPlan):
-            raise BenchError("--junit is for road trials")
+    if outputs.junit and isinstance(plan, RoadPlan):
         write_junit(outputs.junit, store.campaign["name"], rows, [FAULT_FREE, *plan.faults])
-    if outputs.json or outputs.html:
-        # an offline campaign's thousands of trials are in its store, its tables hold what they come to
-        document = export.document(store.campaign, tables, rows if road else [])
-        if outputs.json:
-            export.write_json(outputs.json, document)
-        if outputs.html:
-            sheets, plots = kinds.page_parts(plan, tables)
-            published = published_road() if road else None
-            frame = store.frame if road else None
-            write_page(outputs.html, campaign_page(document, frame, published, sheets, plots))
+    if outputs.json:
+        export.write_json(outputs.json, document)
+    if outputs.html:
+        write_page(outputs.html, page)
 
 
 def wide_console() -> Any:
@@ -170,30 +164,39 @@ def wide_console() -> Any:
     return console if console.is_terminal or "COLUMNS" in os.environ else Console(width=WIDE)
 
 
-def compare(after: Store, before: Store, outputs: Outputs) -> None:
+def compare(after: Store, before: Store, outputs: Outputs, tolerance_s: float | None = None) -> None:
     """Print which verdicts of `after` differ from those of `before`, and write the files asked for."""
+    from functools import partial
+
     from bench.cli.campaign_page import difference_page
     from bench.cli.page import write_page
     from campaigns import export
-    from campaigns.differences import difference_tables, differences
+    from campaigns.differences import TOLERANCE_S, difference_tables, differences
+    from campaigns.reading import frame_of, plan_of, rows_of
 
     names = before.path.name, after.path.name
-    rows = list(before.rows()), list(after.rows())
-    found = differences(*rows)
+    first, second = (rows_of(store, plan_of(store)) for store in (before, after))
+    found = differences(first, second, TOLERANCE_S if tolerance_s is None else tolerance_s)
+    if not found["matched"]:
+        raise BenchError(f"{after.path}: has no trial in common with {before.path}, whatever their ECUs")
+    page = ""
+    if outputs.html:
+        before_by_id, after_by_id = ({row.id: row for row in rows} for rows in (first, second))
+        trials = [
+            tuple(
+                {"id": row.id, "trial": row.trial, "result": row.result}
+                for row in (before_by_id[change["a"]], after_by_id[change["b"]])
+            )
+            for change in found["changed"]
+        ]
+        frames = partial(frame_of, before), partial(frame_of, after)
+        page = difference_page(found, names, trials, frames, (before.campaign, after.campaign))
     console = wide_console()
     for part in difference_tables(found, *names):
         console.print(part, highlight=False)
     if outputs.json:
         export.write_json(outputs.json, found)
     if outputs.html:
-        by_id = [{row.id: row for row in side} for side in rows]
-        trials = []
-        for change in found["changed"]:
-            sides = [rows_of[change[key]] for rows_of, key in zip(by_id, "ab", strict=True)]
-            trials.append(tuple({"id": row.id, "trial": row.trial, "result": row.result} for row in sides))
-        page = difference_page(
-            found, names, trials, (before.frame, after.frame), (before.campaign, after.campaign)
-        )
         write_page(outputs.html, page)
 
 
@@ -207,28 +210,3 @@ def about(campaign: dict[str, Any], rows: Sequence[Any]) -> str:
     places = {"mcu": "the emulated STM32F405", "host": "the host core"}
     on = "".join(f"; ECU {ecu} on {places[place]}, CAN at 500 kbit/s" for ecu, place in sorted(ecus))
     return f"{len(rows)} trials, {laps}{on}\n"
-
-
-def plan_of(store: Store) -> StoredPlan:
-    """The plan a store was made for. Raises CampaignError for one of another kind."""
-    from pydantic import ValidationError
-
-    from campaigns.errors import CampaignError
-    from campaigns.narx_plan import NarxGrid
-    from campaigns.offline_plan import OfflineCampaign
-    from campaigns.road_plan import RoadPlan
-
-    table = store.campaign.get("plan", {})
-    kinds: dict[Any, type[StoredPlan]] = {
-        "road": RoadPlan,
-        "offline": OfflineCampaign,
-        "narx_grid": NarxGrid,
-    }
-    try:
-        # canonical JSON has its keys in order of the alphabet, the tables have the plan's
-        if "faults" in table:
-            faults = {name: table["faults"][name] for name in store.campaign["conditions"]}
-            table = {**table, "faults": faults}
-        return kinds[table.get("kind")](**table)
-    except (KeyError, TypeError, AttributeError, ValidationError):
-        raise CampaignError(f"{store.path}: holds no campaign that can be reported on") from None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from campaigns.outcomes import Document
+    from campaigns.store import Document
 
     Frame = Callable[[str], Document | None]
     """Id of a trial -> its freeze frame."""
@@ -72,8 +72,7 @@ def urgency(row: Document) -> int:
 
 def drawn(sides: Sides, names: Sequence[str], frames: Sequence[Frame | None]) -> Document:
     """What the page draws of a trial: instants in s and the freeze frame of each side."""
-    from campaigns.differences import condition_of
-    from campaigns.outcomes import lap_name
+    from campaigns.outcomes import key_of, lap_name
 
     trial = sides[-1]["trial"]
     shown, about = [], []
@@ -91,7 +90,7 @@ def drawn(sides: Sides, names: Sequence[str], frames: Sequence[Frame | None]) ->
         about.append(f"{name + ': ' if name else ''}{result['outcome']}, {result['reason']}{named}")
     return {
         "id": sides[-1]["id"],
-        "title": f"{condition_of(trial)}: {trial['fault'] or 'no fault'}",
+        "title": f"{key_of(trial)}: {trial['fault'] or 'no fault'}",
         "about": "; ".join(about) + f" ({lap_name(trial['lap'])})",
         "sides": shown,
     }
@@ -117,8 +116,7 @@ def packed(frame: Document | None) -> Document | None:
 
 
 def _line(sides: Sides, same_road: bool) -> str:
-    from campaigns.differences import condition_of
-    from campaigns.outcomes import lap_name, td_s
+    from campaigns.outcomes import key_of, lap_name, td_s
 
     last = sides[-1]
     outcomes = [side["result"]["outcome"] for side in sides]
@@ -130,7 +128,7 @@ def _line(sides: Sides, same_road: bool) -> str:
     cells = [
         f'<td data-sort="{outcomes[-1]}">'
         f'<button type="button" class="pick" tabindex="-1">{outcome}</button></td>',
-        f"<td>{escape(condition_of(last['trial']))}</td>",
+        f"<td>{escape(key_of(last['trial']))}</td>",
         f'<td class="number" data-sort="{"" if times[-1] is None else times[-1]}">{" → ".join(shown)}</td>',
         f"<td>{escape(' → '.join(_once(named)))}</td>",
         f"<td>{escape(lap_name(last['trial']['lap'], not same_road))}</td>",

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from bench.cli.options import Workers
 
 
 def demo(
-    workers: Annotated[int | None, typer.Option(help="Processes.  [default: all cores]")] = None,
+    workers: Workers = None,
 ) -> None:
     """Ride a short road trial, the emulated MCU in every lap, and print its tables beside the thesis's."""
     from tempfile import TemporaryDirectory

@@ -1,7 +1,10 @@
 """Options that several commands share, and how they become parts of the bench."""
 
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -41,10 +44,55 @@ Map = Annotated[
 Repair = Annotated[
     bool, typer.Option("--repair", help="Mend the time base: gaps, jitter, clock jumps, repetitions.")
 ]
+Workers = Annotated[int | None, typer.Option(help="Processes.  [default: all cores]")]
 BusName = Annotated[
     str,
     typer.Option("--bus", metavar="IFACE[:CHANNEL]", help="A python-can interface, e.g. socketcan:vcan0."),
 ]
+
+
+def json_of(what: str) -> Any:
+    """The option of a file for `what`; see `write_json`."""
+    return typer.Option("--json", metavar="OUT", help=f"Write {what} as JSON.")
+
+
+def write_json(out: Path | None, result: Any) -> None:
+    """Write a command's result, whole or not at all, to the file of its --json if that was given."""
+    from bench.whole import whole
+
+    if out:
+        with whole(out) as part:
+            part.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class Laps:
+    """A folder of laps, and how they are read."""
+
+    folder: Path
+    map_file: Path | None = None
+    repair: bool = False
+
+    def paths(self) -> list[Path]:
+        """The lap files, by name; LapError if there is none."""
+        from bench.errors import LapError
+        from bench.laps.files import FORMATS
+
+        if not self.folder.is_dir():
+            raise LapError(f"{self.folder}: no such folder")
+        files = sorted(path for path in self.folder.iterdir() if path.suffix.lower() in FORMATS)
+        if not files:
+            raise LapError(f"{self.folder}: no lap in it ({', '.join(FORMATS)})")
+        return files
+
+    def each(self) -> "Iterator[tuple[Path, Lap]]":
+        """The laps with their files, one at a time: hundreds of them need not fit in memory."""
+        for path in self.paths():
+            yield path, open_lap(path, self.map_file, self.repair)
+
+    def read(self) -> "list[Lap]":
+        """All of them."""
+        return [lap for _, lap in self.each()]
 
 
 def open_lap(path: Path, map_file: Path | None, repair: bool) -> "Lap":

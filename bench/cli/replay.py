@@ -1,12 +1,21 @@
 """`bench replay`: the emulated MDLog on a live bus."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bench.cli.options import BusName, Faults, Map, Repair, SensorSeed, SensorsName, open_lap
+from bench.cli.options import (
+    BusName,
+    Faults,
+    Map,
+    Repair,
+    SensorSeed,
+    SensorsName,
+    json_of,
+    open_lap,
+    write_json,
+)
 from bench.cli.stop import stoppable
 
 if TYPE_CHECKING:
@@ -28,9 +37,7 @@ def replay(
     seed: SensorSeed = 0,
     map_file: Map = None,
     repair: Repair = False,
-    json_out: Annotated[
-        Path | None, typer.Option("--json", metavar="OUT", help="Write the result as JSON.")
-    ] = None,
+    json_out: Annotated[Path | None, json_of("the result")] = None,
     record_out: Annotated[
         Path | None, typer.Option("--record", metavar="OUT", help="Record the bus (.log, .asc, .blf, .mf4).")
     ] = None,
@@ -50,7 +57,7 @@ def replay(
     from bench.run import prepare
     from bench.sensors.datasheets import load_sensors
     from bench.watch import Watch
-    from bench.whole import check_writable, whole
+    from bench.whole import check_writable
 
     if json_out:
         check_writable(json_out)
@@ -73,9 +80,7 @@ def replay(
     result, passed = _judged(done, watch, insertions)
     if record_out:
         record(record_out, noted(done.frames, insertions, codec))
-    if json_out:
-        with whole(json_out) as part:
-            part.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    write_json(json_out, result)
     if not passed:
         raise typer.Exit(1)
 

@@ -1,6 +1,5 @@
 """`bench run`: one lap, one verdict."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,7 +16,9 @@ from bench.cli.options import (
     SensorSeed,
     SensorsName,
     build_ecu,
+    json_of,
     open_lap,
+    write_json,
 )
 
 if TYPE_CHECKING:
@@ -36,9 +37,7 @@ def run(
     seed: SensorSeed = 0,
     map_file: Map = None,
     repair: Repair = False,
-    json_out: Annotated[
-        Path | None, typer.Option("--json", metavar="OUT", help="Write the result as JSON.")
-    ] = None,
+    json_out: Annotated[Path | None, json_of("the result")] = None,
     record_out: Annotated[
         Path | None,
         typer.Option("--record", metavar="OUT", help="Record the bus (.log, .asc, .blf, .mf4)."),
@@ -54,7 +53,7 @@ def run(
     from bench.recorder import check_target, record
     from bench.run import document, run_lap
     from bench.sensors.datasheets import load_sensors
-    from bench.whole import check_writable, whole
+    from bench.whole import check_writable
 
     if json_out:
         check_writable(json_out)
@@ -75,10 +74,8 @@ def run(
     if record_out:
         rows = [(d.t_end_ns, d.frame, d.node) for d in done.ride.frames]
         record(record_out, noted(rows, done.insertions, Codec()))
-    if json_out:
-        with whole(json_out) as part:
-            part.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    _print(done, build, result, device)
+    write_json(json_out, result)
+    _print(done, result, device)
     if not done.verdict.outcome.passed:
         raise typer.Exit(1)
 
@@ -109,7 +106,7 @@ def _provenance(build: "Build", lap: Path, digest: str, sensors: str, seed: int)
     }
 
 
-def _print(done: "Run", build: "Build", result: dict[str, Any], device: Any) -> None:
+def _print(done: "Run", result: dict[str, Any], device: Any) -> None:
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bench.cli.options import Map, Repair, SensorsName, open_lap
+from bench.cli.options import Laps, Map, Repair, SensorsName, json_of, write_json
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from bench.laps.lap import Lap
     from targets.calibration import Detector
@@ -67,9 +67,7 @@ def narx(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where an interrupted training left off.")
     ] = False,
-    json_out: Annotated[
-        Path | None, typer.Option("--json", metavar="OUT", help="Write the report as JSON.")
-    ] = None,
+    json_out: Annotated[Path | None, json_of("the report")] = None,
 ) -> None:
     """Train a soft sensor (chapter III) on laps and write it as calibration data.
 
@@ -77,12 +75,11 @@ def narx(
     n is the smallest with which no training lap raises an alarm. Ctrl-C keeps the best network so far, and
     MODEL.part from which --resume goes on. A MODEL that was better on the same laps is not overwritten.
     """
-    from bench.provenance import versions
+    from bench.cli.progress import training_progress
     from bench.sensors.datasheets import load_sensors
     from bench.whole import check_writable, whole
     from campaigns.soft_sensor import inputs_of, ranges, sequences
-    from targets.calibration import Calibration, Detector, dumps
-    from targets.ifd import quiet_multiple
+    from targets.calibration import Calibration, dumps
     from targets.narx.settings import Settings, recipe_of, relative_suits
     from targets.narx.train import train
 
@@ -91,10 +88,10 @@ def narx(
         check_writable(json_out)
     stages = recipe_of(recipe)
     instruments = load_sensors(sensors)
-    ridden = laps_in(laps, map_file, repair)
+    ridden = Laps(laps, map_file, repair).read()
     names = inputs_of(ridden, inputs.split(",") if inputs else None, output)
     data = sequences(ridden, instruments, names, output, antialias)
-    unseen = laps_in(test, map_file, repair) if test else []
+    unseen = Laps(test, map_file, repair).read() if test else []
     settings = Settings(
         neurons=neurons,
         delays=delay,
@@ -107,23 +104,11 @@ def narx(
         **stages,
     )
     part = out.with_name(f"{out.name}.part")
-    with _bar(settings) as tell:
+    with training_progress(settings) as tell:
         network, report = train(data, settings, tell, _state(part) if resume else None, _saver(part))
     network = network.rounded()
-    detector = Detector()
-    if output == "rear_stroke_mm":
-        detector = Detector(multiple=quiet_multiple(_residuals(network, data, detector), detector))
-    provenance = {
-        "made_by": "bench train narx",
-        "versions": {name: v for name, v in versions().items() if name in ("strokebench", "numpy", "numba")},
-        "seed": report.chosen,
-        "sensors": instruments.name,
-        "recipe": recipe,
-        "laps_sha256": {lap.source: lap.digest() for lap in ridden},
-        "training": _quality(report, "training"),
-        "held_out": _quality(report, "held_out"),
-        "interrupted": report.interrupted,
-    }
+    provenance = _provenance(report, instruments.name, recipe, ridden)
+    detector = _detector(network, data)
     calibration = Calibration(network, detector, provenance)
     target = _target(out, provenance)
     with whole(target) as file:
@@ -134,30 +119,10 @@ def narx(
     _print(report, detector, target)
     if unseen:
         result["test"] = _tested(network, data, sequences(unseen, instruments, names, output, antialias))
-    if json_out:
-        with whole(json_out) as file:
-            file.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    write_json(json_out, result)
     if target != out:
         typer.echo(f"bench: train: {out} was better on these laps and is kept", err=True)
         raise typer.Exit(1)
-
-
-def laps_in(folder: Path, map_file: Path | None, repair: bool) -> list[Lap]:
-    """Every lap of a folder, by file name; LapError if there is none."""
-    return [open_lap(path, map_file, repair) for path in lap_paths(folder)]
-
-
-def lap_paths(folder: Path) -> list[Path]:
-    """The lap files of a folder, by name; LapError if there is none."""
-    from bench.errors import LapError
-    from bench.laps.files import FORMATS
-
-    if not folder.is_dir():
-        raise LapError(f"{folder}: no such folder")
-    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in FORMATS)
-    if not files:
-        raise LapError(f"{folder}: no lap in it ({', '.join(FORMATS)})")
-    return files
 
 
 def _state(part: Path) -> State:
@@ -200,13 +165,34 @@ def _target(out: Path, provenance: dict[str, Any]) -> Path:
     return out.with_name(f"{out.stem}.worse{out.suffix}") if better else out
 
 
-def _residuals(network: Narx, data: Sequences, detector: Detector) -> list[Any]:
-    """The detector's residual over every training lap, as the ECU forms it."""
-    from campaigns.soft_sensor import network as free_runs
-    from targets.ifd import residual
+def _detector(network: Narx, data: Sequences) -> Detector:
+    """The thesis's, with the smallest n that raises no alarm on any training lap, as the ECU would."""
+    from campaigns.soft_sensor import network as free_run
+    from campaigns.soft_sensor import pairs
+    from targets.calibration import Detector
+    from targets.ifd import quiet_multiple, residual
 
-    predicted = free_runs("network", network, data).predictions
-    return [residual(p, y, detector) for p, (_, y) in zip(predicted, data.runs, strict=True)]
+    detector = Detector()
+    if network.output != "rear_stroke_mm":
+        return detector
+    residuals = [residual(p, y, detector) for p, y in pairs(free_run("", network, data), data)]
+    return Detector(multiple=quiet_multiple(residuals, detector))
+
+
+def _provenance(report: Report, sensors: str, recipe: str, laps: Sequence[Lap]) -> dict[str, Any]:
+    from bench.provenance import OF_CALIBRATIONS, versions
+
+    return {
+        "made_by": "bench train narx",
+        "versions": versions(OF_CALIBRATIONS),
+        "seed": report.chosen,
+        "sensors": sensors,
+        "recipe": recipe,
+        "laps_sha256": {lap.source: lap.digest() for lap in laps},
+        "training": _quality(report, "training"),
+        "held_out": _quality(report, "held_out"),
+        "interrupted": report.interrupted,
+    }
 
 
 def _quality(report: Report, which: str) -> dict[str, float]:
@@ -232,12 +218,6 @@ def _tested(network: Narx, training: Sequences, unseen: Sequences) -> dict[str, 
     rows = figures([free_runs("network", network, unseen), *baselines(training, unseen, None)], unseen)
     Console().print(performance_table(rows, f"{len(unseen.runs)} unseen laps"), highlight=False)
     return {name: row.document() for name, row in rows.items()}
-
-
-def _bar(settings: Any) -> Any:
-    from bench.cli.progress import training_progress
-
-    return training_progress(settings)
 
 
 def _print(report: Report, detector: Detector, out: Path) -> None:

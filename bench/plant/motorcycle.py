@@ -17,6 +17,8 @@ NAMES = ("gsxr1000", "gsxr1000_magneto", "naked700", "sport_tourer")
 """Motorcycles that come with the bench."""
 
 DEFAULT = NAMES[0]
+MOST_LOAD_KG = 250.0
+"""Of luggage and a pillion: what a frame is approved for."""
 LEAST_A, MOST_A = 0.1, 2.0
 """Current in the coil of a magnetorheological damper, in amperes (section I.4)."""
 
@@ -142,6 +144,27 @@ def load_motorcycle(name: str | Path = DEFAULT) -> Motorcycle:
     motorcycle = Motorcycle(**{**parts, **numbers})
     _check(path, motorcycle)
     return motorcycle
+
+
+def carrying(motorcycle: Motorcycle, load_kg: float) -> Motorcycle:
+    """The motorcycle with luggage of so many kg over its rear axle, fixed to the frame.
+
+    FIDELITY: a point at the height of the centre of gravity; no drag of its own. Raises RouteError for a
+    load that is none.
+    """
+    if not 0 <= load_kg <= MOST_LOAD_KG:
+        raise RouteError(f"a load of {load_kg:g} kg is not from 0 to {MOST_LOAD_KG:g} kg")
+    m, share = motorcycle, load_kg / (motorcycle.sprung_kg + load_kg)
+    back_m = share * m.to_rear_m  # by so much the centre of gravity moves
+    return m._replace(
+        sprung_kg=m.sprung_kg + load_kg,
+        # parallel axes: the reduced mass at the distance of the two centres
+        pitch_inertia_kgm2=m.pitch_inertia_kgm2 + share * m.sprung_kg * m.to_rear_m**2,
+        to_front_m=m.to_front_m + back_m,
+        to_rear_m=m.to_rear_m - back_m,
+        rider_behind_m=m.rider_behind_m - back_m,
+        body_sensor_m=m.body_sensor_m + back_m,
+    )
 
 
 def _path(name: str | Path) -> Path:

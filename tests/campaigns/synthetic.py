@@ -2,9 +2,10 @@
 
 import hashlib
 import json
-from typing import NamedTuple
 
 import numpy as np
+
+from campaigns.store import Row
 
 MS = 1_000_000
 S = 1_000_000_000
@@ -19,14 +20,6 @@ CAMPAIGN = {
     "laps": None,
     "versions": {"strokebench": "0.1.0", "numpy": "2.4.6"},
 }
-
-
-class Row(NamedTuple):
-    """A finished trial."""
-
-    id: str
-    trial: dict
-    result: dict
 
 
 def row(

@@ -227,7 +227,7 @@ def test_refused_trial(two, store):
 def test_killed_worker(two, store, expected, tmp_path, silent):
     """The trial of a worker that was killed is run by another one; nobody notices."""
     work = partial(kills_once, mark=tmp_path / "mark")
-    assert run(trifles.trifles(COUNT), work, store, Cluster(two)).complete
+    assert run(trifles.trifles(COUNT), work, store, Cluster(two)).left == 0
     assert (tmp_path / "mark").exists()
     assert store.content_hash() == expected
 
@@ -246,7 +246,7 @@ def test_stored_is_not_run_again(two, store, tmp_path):
             lines.append(len(begun(log)))
 
     work = partial(logged, work=slow, log=str(log))
-    assert run(trifles.trifles(COUNT), work, store, Cluster(two), kill).complete
+    assert run(trifles.trifles(COUNT), work, store, Cluster(two), kill).left == 0
     assert not stored & {id for id, _ in begun(log)[lines[0] :]}
 
 

@@ -87,13 +87,15 @@ def test_killed_at_20_moments(undisturbed, tmp_path):
 
 
 def test_orphans(tmp_path):
-    """Workers whose runner was killed end by themselves, in the middle of a trial."""
-    log = tmp_path / "log"
-    process = start(tmp_path / "store", log, 4, 4, "endless")
+    """Workers whose runner was killed end by themselves, in the middle of a trial, and say nothing."""
+    path, log = tmp_path / "store", tmp_path / "log"
+    process = start(path, log, 4, 4, "endless")
     while len(begun(log)) < 4:
         time.sleep(0.01)
     process.kill()
-    process.communicate(timeout=ENDS_S)  # the streams end with the last one that holds them
+    # the streams end with the last one that holds them
+    assert process.communicate(timeout=ENDS_S) == ("", "")
+    assert stored(path) == set()
 
 
 def test_orphans_hold_no_lock(tmp_path):

@@ -154,19 +154,13 @@ def test_every_false_alarm_counts():
 
 
 def test_sweep():
-    """A sweep's parameters make groups of their own, by size; those not asked for are pooled."""
+    """A sweep's parameters make groups of their own, by size."""
     rows = [
         row("hold", "CD", k, 0.5, parameters={"load_kg": load, "route": route})
         for k, (load, route) in enumerate([(10, "b"), (9, "a"), (10, "a"), (9, "b")])
     ]
     keys = [group["key"] for group in table(rows)["conditions"]]
     assert keys == [f"hold[load_kg={load},route={route}]" for load in (9, 10) for route in "ab"]
-    pooled = table(rows, by=["load_kg"])["conditions"]
-    assert [(group["key"], group["n"]) for group in pooled] == [
-        ("hold[load_kg=9]", 2),
-        ("hold[load_kg=10]", 2),
-    ]
-    assert [group["n"] for group in table(rows, by=())["conditions"]] == [4]
 
 
 def test_order():

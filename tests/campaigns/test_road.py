@@ -4,16 +4,17 @@ from dataclasses import replace
 
 import pytest
 
-from bench.errors import FaultError, LapError
+from bench.errors import FaultError, LapError, RouteError, SensorError
 from bench.faults.spec import parse_fault
 from bench.laps.files import write_lap
 from bench.plant.motorcycle import load_motorcycle
 from bench.plant.ride import ride
 from bench.plant.route import load_route
 from campaigns.errors import CampaignError
+from campaigns.laps import Recorded, Simulated
 from campaigns.road import LapFile, expand
 from campaigns.road_plan import FAULT_FREE, RoadPlan
-from campaigns.trial import Recorded, RoadWork, Simulated
+from campaigns.trial import RoadWork
 from targets.ecus import build
 
 
@@ -102,6 +103,17 @@ def test_swept_model(mcu):
     assert [one.calibration.detector.TYPE for one in work.builds] == ["residual", "checks"]
 
 
+def test_swept_load(mcu):
+    """Swept luggage rides the same laps laden, under ids of their own; none is as without a sweep."""
+    found, work = expand(plan(faults={}, laps=1, sweep={"load_kg": [0, 20]}), mcu)
+    bare, laden = (work.lap(trial).channels for trial in found)
+    assert bare["speed_kmh"].tobytes() == laden["speed_kmh"].tobytes()
+    assert 7 < (laden["rear_stroke_mm"] - bare["rear_stroke_mm"]).mean() < 9
+    assert [trial.lap.document().get("load_kg") for trial in found] == [None, 20.0]
+    assert [trial.parameters for trial in found] == [{"load_kg": 0}, {"load_kg": 20}]
+    assert found[0].lap == trials(mcu, faults={}, laps=1)[0].lap
+
+
 FILES = [LapFile("a.parquet", "aa", 10.0), LapFile("b.parquet", "bb", 2.9)]
 
 
@@ -149,6 +161,31 @@ def test_phase_out_of_the_period(mcu, phase):
         trials(mcu, sweep={"phase_ms": [phase]})
 
 
+@pytest.mark.parametrize(
+    ("sweep", "error", "says"),
+    [
+        ({"load_kg": ["heavy"]}, CampaignError, "load_kg: 'heavy' is no number"),
+        ({"load_kg": [True]}, CampaignError, "load_kg: True is no number"),
+        ({"load_kg": [5, -1]}, RouteError, "a load of -1 kg"),
+        ({"route": ["mixed_5km", "nowhere"]}, RouteError, "unknown route 'nowhere'"),
+        ({"motorcycle": ["gsxr1000", "tank"]}, RouteError, "unknown motorcycle 'tank'"),
+        ({"sensors": ["ideal", "none"]}, SensorError, "'none' are neither"),
+    ],
+)
+def test_unknown_parts_are_refused_at_once(mcu, sweep, error, says):
+    """What cannot be ridden is refused before the first ride, not when its turn comes."""
+    with pytest.raises(error, match=says):
+        trials(mcu, sweep=sweep)
+
+
+@pytest.mark.parametrize("name", ["route", "motorcycle", "load_kg"])
+def test_laps_of_ones_own_are_as_they_were_ridden(mcu, name):
+    """A sweep of what simulates laps is refused where laps of one's own are ridden: all would be the same."""
+    values = {"route": ["test_lap"], "motorcycle": ["naked700"], "load_kg": [10]}[name]
+    with pytest.raises(CampaignError, match=f"{name}: laps of one's own are as they were ridden"):
+        trials(mcu, FILES[:1], sweep={name: values})
+
+
 def test_id_follows_content(mcu):
     """A trial's id depends on all that decides its result, and on nothing else."""
     one = trials(mcu)[2]
@@ -157,6 +194,7 @@ def test_id_follows_content(mcu):
         replace(one, parameters={"gain": 1.1}),
         replace(one, lap=Simulated("training", "gsxr1000", 102, 6)),
         replace(one, lap=Simulated("mixed_5km", "naked700", 102, 6)),
+        replace(one, lap=Simulated("mixed_5km", "gsxr1000", 102, 6, 5.0)),
         replace(one, lap=Recorded("a.csv", "00")),
         replace(one, sensors="ideal"),
         replace(one, sensors_seed=3),
@@ -165,7 +203,7 @@ def test_id_follows_content(mcu):
         replace(one, td_max_s=1.0),
         replace(one, ftti_s=1.0),
     ]
-    assert len({trial.id for trial in [one, *others]}) == 12
+    assert len({trial.id for trial in [one, *others]}) == 13
     assert replace(one, build=5).id == one.id
 
 

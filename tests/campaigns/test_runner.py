@@ -19,11 +19,6 @@ FAILED = [n for n in range(COUNT) if quick(Trifle(n))[0]["outcome"] == "MD"]
 
 
 @pytest.fixture
-def path(tmp_path):
-    return tmp_path / "store"
-
-
-@pytest.fixture
 def store(path):
     with Store.open(path, CAMPAIGN) as store:
         yield store
@@ -83,7 +78,7 @@ def test_workers(tmp_path, workers):
     hashes = set()
     for name, executor in (("a", Ahead()), ("b", Local(workers))):
         with Store.open(tmp_path / name, CAMPAIGN) as store:
-            assert run(trifles(COUNT), quick, store, executor).complete
+            assert run(trifles(COUNT), quick, store, executor).left == 0
             hashes.add(store.content_hash())
     assert len(hashes) == 1
 
@@ -122,7 +117,7 @@ def test_fail_fast(store):
     executor = Ahead()
     ran = run(trifles(COUNT), quick, store, executor, fail_fast=True)
     assert ran == Ran(COUNT, 0, COUNT - FAILED[-1], Trifle(FAILED[-1]).id)
-    assert not ran.complete
+    assert ran.left > 0
     assert executor.begun == len(store.ids()) == ran.added
 
 
@@ -181,7 +176,7 @@ def test_interrupted_twice(store):
 
 def test_interrupted_at_the_end(store):
     """Ctrl-C during the last trial interrupts nothing any more."""
-    assert run(trifles(4), partial(interrupts, at=3, number=signal.SIGINT), store, Local(1)).complete
+    assert run(trifles(4), partial(interrupts, at=3, number=signal.SIGINT), store, Local(1)).left == 0
 
 
 def test_handlers(store):

@@ -1,91 +1,26 @@
-"""A campaign's store: what it gives back, and everything for which it is refused in one line."""
+"""A campaign's store: what it gives back, killed, read-only, while it is written to, on a full disk."""
 
 import os
 import shutil
-import sqlite3
-import subprocess
-import sys
 import tempfile
-from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
 
 from campaigns.errors import CampaignError
-from campaigns.store import VERSION, Row, Store, canonical, trial_id
-from tests.campaigns.trifles import environment
-
-CAMPAIGN = {"name": "road", "plan": {"laps": 3, "faults": ["open", "short"]}, "versions": {"numpy": "2.0"}}
-TRIALS = [{"kind": "road", "n": n, "lap": {"route": "über\nLand"}} for n in range(5)]
-
-
-def result(n):
-    return {"outcome": "CD", "squares": 10**30 + n, "bus_load": 0.1 + n}
-
-
-def frame(n):
-    return {"t0_ns": n, "measured_mm": [0.1 * k for k in range(50)]} if n % 2 else None
-
-
-def fill(store, numbers=range(5)):
-    for n in numbers:
-        store.put(trial_id(TRIALS[n]), TRIALS[n], result(n), frame(n))
-
-
-@pytest.fixture
-def path(tmp_path):
-    return tmp_path / "a store?.db"
-
-
-@pytest.fixture
-def filled(path):
-    with Store.open(path, CAMPAIGN) as store:
-        fill(store)
-    return path
-
-
-def edit(path, *statements):
-    with closing(sqlite3.connect(path)) as connection, connection:
-        for statement, *values in statements:
-            connection.execute(statement, values)
-
-
-def refused(path, campaign=CAMPAIGN, read=False):
-    """The one line with which it is not opened; nothing beside it, and nothing in it, changes."""
-    before = {file: file.read_bytes() for file in path.parent.iterdir() if file.is_file()}
-    with pytest.raises(CampaignError) as refusal:
-        (Store.read(path) if read else Store.open(path, campaign)).close()
-    assert {file: file.read_bytes() for file in path.parent.iterdir() if file.is_file()} == before
-    line = str(refusal.value)
-    assert line.startswith(f"{path}: ")
-    assert "\n" not in line
-    return line.removeprefix(f"{path}: ")
-
-
-@contextmanager
-def another_than_root():
-    """Root may write everything: become another user."""
-    root = os.geteuid() == 0
-    if root:
-        os.seteuid(65534)
-    try:
-        yield
-    finally:
-        if root:
-            os.seteuid(0)
-
-
-@contextmanager
-def readable_only(folder):
-    """As somebody who may write nothing in `folder`."""
-    folder.chmod(0o555)
-    for file in folder.iterdir():
-        file.chmod(0o444)
-    try:
-        with another_than_root():
-            yield
-    finally:
-        folder.chmod(0o755)
+from campaigns.store import Row, Store, canonical, trial_id
+from tests.campaigns.stores import (
+    CAMPAIGN,
+    TRIALS,
+    another_than_root,
+    edit,
+    fill,
+    frame,
+    kill_while_writing,
+    readable_only,
+    refused,
+    result,
+)
 
 
 @pytest.fixture
@@ -94,18 +29,6 @@ def open_folder():
     with tempfile.TemporaryDirectory() as name:
         Path(name).chmod(0o755)
         yield Path(name)
-
-
-def kill_while_writing(path):
-    """Leave a store as kill -9 leaves it: a log beside it, with all trials in it."""
-    script = (
-        "import os, sys; from tests.campaigns.test_store import *\n"
-        "store = Store.open(Path(sys.argv[1]), CAMPAIGN); fill(store); os.kill(os.getpid(), 9)"
-    )
-    root = str(Path(__file__).parents[2])
-    env = environment()
-    env["PYTHONPATH"] = os.pathsep.join([env["PYTHONPATH"], root])
-    assert subprocess.run([sys.executable, "-c", script, str(path)], env=env, check=False).returncode == -9
 
 
 def test_gives_back(filled):
@@ -276,95 +199,6 @@ def test_left_lock(path):
     assert list(path.parent.iterdir()) == [path]
 
 
-@pytest.mark.parametrize(
-    ("other", "difference"),
-    [
-        ({"name": "demo"}, 'name is "road" in it, "demo" now'),
-        ({"plan": {"laps": 4, "faults": []}}, 'plan.faults is ["open","short"] in it, [] now'),
-        ({"plan": {"laps": 3, "faults": ["open", "hold"]}}, 'plan.faults[1] is "short" in it, "hold" now'),
-        ({"versions": {"numpy": "2.0", "numba": "1"}}, 'versions.numba is absent in it, "1" now'),
-        ({"laps": ["x" * 99]}, f'laps is absent in it, ["{"x" * 35}... now'),
-    ],
-)
-def test_other_campaign(filled, other, difference):
-    """The store of another campaign is refused with the first key that differs and both values."""
-    assert refused(filled, {**CAMPAIGN, **other}) == f"is the store of another campaign: {difference}"
-
-
-@pytest.mark.parametrize("read", [True, False])
-def test_other_version(filled, read):
-    """A store of another format version is refused with both versions."""
-    edit(filled, ("UPDATE meta SET value = '7' WHERE key = 'version'",))
-    assert refused(filled, read=read) == f"is a store of version 7; this is version {VERSION}"
-
-
-@pytest.mark.parametrize("read", [True, False])
-@pytest.mark.parametrize("content", [b"# laps\n" * 9, b"SQLite format 3\0" + bytes(200), "database"])
-def test_no_store(path, read, content):
-    """What is no store is refused, and not touched."""
-    if isinstance(content, bytes):
-        path.write_bytes(content)
-    else:
-        edit(path, ("CREATE TABLE meta (a, b)",), ("CREATE TABLE trials (a)",))
-    assert refused(path, read=read) in ("is no store of a campaign", "is damaged")
-
-
-def test_nothing_yet(path):
-    """An empty file is one whose run was killed at its start: no campaign to read, but one may begin."""
-    path.touch()
-    assert refused(path, read=True) == "holds no campaign"
-    with Store.open(path, CAMPAIGN) as store:
-        assert store.ids() == set()
-
-
-def test_no_file(path):
-    """What is not there, or is no file, is refused."""
-    assert refused(path, read=True) == "no such file"
-    path.mkdir()
-    assert refused(path, read=True) == "is no file"
-    assert refused(path) == "is a folder"
-    with pytest.raises(CampaignError, match="no folder"):
-        Store.open(path / "deeper" / "store", CAMPAIGN)
-
-
-@pytest.mark.parametrize("read", [True, False])
-def test_damaged_file(filled, read):
-    """A file with a damaged page is refused."""
-    content = bytearray(filled.read_bytes())
-    content[100:400] = b"\xff" * 300
-    filled.write_bytes(content)
-    assert refused(filled, read=read) == "is damaged"
-
-
-def test_cut_off(filled):
-    """A file that is cut off is refused when what is missing is asked for."""
-    with filled.open("r+b") as file:
-        file.truncate(filled.stat().st_size - 8192)
-    with pytest.raises(CampaignError, match="is damaged"), Store.read(filled) as store:
-        store.content_hash()
-
-
-@pytest.mark.parametrize(
-    ("change", "what"),
-    [
-        ("frame = x'00ff'", "the freeze frame of trial [0-9a-f]{16} cannot be unpacked"),
-        ("result = cast(x'ff' AS TEXT)", "it holds what is no text"),
-        ("frame = 'text'", "the freeze frame of trial [0-9a-f]{16} cannot be unpacked"),
-        ("frame = x'789c030000000001'", "the freeze frame of trial [0-9a-f]{16} is no document"),
-        ("trial = '[1]'", "the trial [0-9a-f]{16} is no document"),
-        ("result = '{'", "the result of trial [0-9a-f]{16} is no document"),
-        ("result = x'ff'", "the result of trial [0-9a-f]{16} is no document"),
-    ],
-)
-def test_damaged_row(filled, change, what):
-    """A row that is not what was put is refused with its trial."""
-    edit(filled, (f"UPDATE trials SET {change}",))
-    with Store.read(filled) as store:
-        id = trial_id(TRIALS[1])
-        with pytest.raises(CampaignError, match=f"is damaged: {what}"):
-            (store.row(id), store.frame(id))
-
-
 def test_full_disk(path):
     """On a full disk the trial that does not fit is refused, those before it are kept."""
     with Store.open(path, CAMPAIGN) as store:
@@ -376,13 +210,6 @@ def test_full_disk(path):
     with Store.open(path, CAMPAIGN) as store:
         assert len(store.ids()) == 2
         store.put("ab", {}, {"x": "y" * 100_000}, None)
-
-
-def test_refused_at_its_beginning(path):
-    """A store that could not begin is not left behind."""
-    with pytest.raises(ValueError, match="JSON compliant"):
-        Store.open(path, {"x": float("inf")})
-    assert list(path.parent.iterdir()) == []
 
 
 def test_canonical():

@@ -3,7 +3,8 @@ import math
 import pytest
 
 from bench.errors import RouteError
-from bench.plant.motorcycle import FOLDER, NAMES, load_motorcycle
+from bench.plant.dynamics import equilibrium
+from bench.plant.motorcycle import FOLDER, NAMES, carrying, load_motorcycle
 
 TEXT = (FOLDER / "gsxr1000.toml").read_text(encoding="utf-8")
 
@@ -118,3 +119,36 @@ def test_missing_file_is_named(tmp_path):
     """A file that does not exist is refused by name."""
     with pytest.raises(RouteError, match=r"none\.toml: cannot be read: No such file"):
         load_motorcycle(tmp_path / "none.toml")
+
+
+def test_luggage_weighs_on_the_rear():
+    """Luggage over the rear axle leaves the front's load as it was, and all its weight goes to the rear."""
+    bare, laden = (equilibrium(carrying(load_motorcycle(), kg)) for kg in (0.0, 20.0))
+    stiffness = load_motorcycle().rear_tyre.stiffness_n_per_m
+    assert laden[2] == pytest.approx(bare[2])
+    assert (bare[3] - laden[3]) * stiffness == pytest.approx(20 * 9.80665, rel=1e-3)
+
+
+def test_luggage_moves_no_part():
+    """Axles, rider and sensor stay where they are; mass and moment of inertia are the sums of both bodies."""
+    bare, laden = load_motorcycle(), carrying(load_motorcycle(), 30.0)
+    moved = laden.to_front_m - bare.to_front_m
+    assert laden.wheelbase_m == pytest.approx(bare.wheelbase_m)
+    assert laden.to_front_m - laden.body_sensor_m == pytest.approx(bare.to_front_m - bare.body_sensor_m)
+    assert laden.to_rear_m - laden.rider_behind_m == pytest.approx(bare.to_rear_m - bare.rider_behind_m)
+    assert laden.mass_kg == pytest.approx(bare.mass_kg + 30)
+    assert laden.sprung_kg * moved == pytest.approx(30 * bare.to_rear_m)
+    inertia = bare.pitch_inertia_kgm2 + bare.sprung_kg * moved**2 + 30 * laden.to_rear_m**2
+    assert laden.pitch_inertia_kgm2 == pytest.approx(inertia)
+
+
+def test_no_luggage():
+    """Without any the motorcycle is the same to the bit."""
+    assert carrying(load_motorcycle(), 0.0) == load_motorcycle()
+
+
+@pytest.mark.parametrize("load_kg", [-1.0, 251.0, math.nan, math.inf])
+def test_impossible_luggage(load_kg):
+    """A load below zero, beyond what a frame bears, or no number is refused."""
+    with pytest.raises(RouteError, match=r"a load of .* kg is not from 0 to 250 kg"):
+        carrying(load_motorcycle(), load_kg)
