@@ -2,13 +2,29 @@
 
 import ctypes
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from targets.errors import FirmwareError, FirmwareFault
-from targets.mcu import blocks, bxcan, clock, core, cycles, native, peripherals, rcc, scs, state
+from targets.errors import FirmwareError
+from targets.mcu import (
+    blocks,
+    bxcan,
+    clock,
+    core,
+    cycles,
+    diagnosis,
+    faults,
+    native,
+    peripherals,
+    preemption,
+    rcc,
+    scs,
+    sites,
+    state,
+    traps,
+)
 from targets.mcu.image import FLASH, Image
 
 if TYPE_CHECKING:
@@ -21,31 +37,31 @@ CODE_SIZE = 0x100000
 TRANSLATED_SIZE = 32 << 20
 """Room for translated code, bytes: a megabyte of flash many times over."""
 
-_EXCEPTIONS = {
-    1: "undefined instruction",
-    2: "supervisor call without a handler",
-    3: "instruction fetch outside memory",
-    4: "data abort",
-    7: "breakpoint instruction",
-    18: "instruction in ARM state",
-}
-"""The engine's exception numbers that no handler of a firmware for this MCU takes here."""
-
 TIME, TRANSMIT, FAULT, RESET = core.TIME, core.TRANSMIT, core.FAULT, core.RESET
 BREAKPOINT, STEP = core.BREAKPOINT, core.STEP
 
 MS = 1_000_000
+
+OnFault = Literal["stop", "take"]
 
 
 class Stm32f405:
     """The emulated microcontroller with `image` in flash, in reset until the first `run`.
 
     power_on_ns: the instant at which the supply comes up, which may lie before 0.
+    on_fault: "stop" ends the run with HardFault, and with MemManage, BusFault or UsageFault unless it has a
+    handler of its own; "take" runs every handler. Either ends it with lockup, a handler that is an endless
+    loop or runs for longer than patience_ns, and interrupts that are disabled for as long while one waits.
     flash: uint8, the flash memory itself; what is written to it the program sees (code: see `patch`).
     """
 
-    def __init__(self, image: Image, power_on_ns: int = 0) -> None:
+    def __init__(
+        self, image: Image, power_on_ns: int = 0, on_fault: OnFault = "stop", patience_ns: int = 1000 * MS
+    ) -> None:
         self.image = image
+        self._on_fault = {"stop": faults.STOP, "take": faults.TAKE}[on_fault]
+        self._patience_ns = patience_ns
+        self._divisions_hooked = False
         self.flash = _aligned(CODE_SIZE, fill=0xFF)
         self.flash[: len(image.flash)] = np.frombuffer(image.flash, dtype=np.uint8)
         self._sram = _aligned(SRAM_SIZE)
@@ -53,6 +69,7 @@ class Stm32f405:
         self.state = state.allocate(len(image.flash))
         self._breakpoints: list[int] = []
         self._engine = _engine(self)
+        self._hook_sites(traps.on_send_event.address, sites.send_events(image))
         self._reset(power_on_ns)
 
     def _reset(self, t_ns: int) -> None:
@@ -74,12 +91,17 @@ class Stm32f405:
         native.set_register(S, core.REG_SP, stack)
         native.set_register(S, core.REG_LR, 0xFFFFFFFF)
         S[state.PC] = S[state.NEXT] = entry & ~1
+        S[state.THUMB] = entry & 1
+        S[state.ON_FAULT] = self._on_fault
+        S[state.PATIENCE_NS] = self._patience_ns
+        S[state.MASKED_NS] = S[state.FAULTED_NS] = preemption.NEVER_NS
+        S[state.HAS_FP] = sites.has_fp(self.image)
 
     def run(self, until_ns: int) -> int:
         """Run until `until_ns`; TIME, or TRANSMIT earlier if a mailbox asks for the bus, or BREAKPOINT.
 
         A breakpoint stops before its instruction; run again from there, it lets that instruction pass.
-        Raises FirmwareFault if the program did what only a fault handler could answer.
+        Raises FirmwareFault if the program did what ends a run (see on_fault), or asked for a reset.
         """
         S = self.state
         S[state.UNTIL_NS] = until_ns
@@ -102,11 +124,13 @@ class Stm32f405:
             S[state.COUNT] = 0
 
     def _run(self) -> int:
-        reason = int(core.run(self.state))
+        S = self.state
+        while (reason := int(core.run(S))) == core.MORE_HOOKS:
+            self._install_hooks()
         if reason == FAULT:
-            raise FirmwareFault(f"{self._fault()} at {self.where()}")
+            raise diagnosis.fault(S, self.image)
         if reason == RESET:
-            raise FirmwareFault(f"the firmware asked for a system reset at {self.where()}")
+            raise diagnosis.reset(S, self.image, self.registers())
         return reason
 
     @property
@@ -137,7 +161,7 @@ class Stm32f405:
             _unhook(self._engine, handle)
         user = ctypes.c_void_p(state.as_pointer(self.state))
         self._breakpoints = [
-            _hook(self._engine, unicorn.UC_HOOK_CODE, core.on_breakpoint.address, user, at & ~1)
+            _hook(self._engine, unicorn.UC_HOOK_CODE, traps.on_breakpoint.address, user, at & ~1)
             for at in sorted(set(addresses))
         ]
         self._engine.ctl_flush_tb()
@@ -158,9 +182,8 @@ class Stm32f405:
             native.set_register(S, core.REGISTERS[name], value & 0xFFFFFFFF)
 
     def where(self) -> str:
-        """The program counter and the function it is in."""
-        name = self.image.function_at(self.pc)
-        return f"pc {self.pc:#010x}" + (f" in {name}" if name else "")
+        """The program counter, the function it is in, and the source line."""
+        return diagnosis.place(self.image, self.pc)
 
     def unmodelled(self) -> dict[int, int]:
         """Addresses of registers that were accessed and are not modelled: address -> times."""
@@ -217,16 +240,20 @@ class Stm32f405:
         self.flash[at : at + len(data)] = np.frombuffer(data, dtype=np.uint8)
         self._engine.ctl_remove_cache(address, address + len(data))
 
-    def _fault(self) -> str:
+    def _install_hooks(self) -> None:
+        """Put in place what the firmware has come to need since it was started."""
+        wanted = int(self.state[state.SET_UP])
+        self.state[state.SET_UP] = 0
+        if wanted & faults.DIVISIONS and not self._divisions_hooked:
+            self._divisions_hooked = True
+            self._hook_sites(traps.on_division.address, sites.divisions(self.image))
+
+    def _hook_sites(self, callback: int, addresses: Iterable[int]) -> None:
         import unicorn
 
-        code = int(self.state[state.ERROR])
-        number, kind = code >> 16, code & 0xFFFF
-        if kind == core.ERROR_INTERRUPT:
-            return _EXCEPTIONS.get(number, f"exception {number}")
-        if kind == core.ERROR_STACK:
-            return "exception frame outside memory"
-        return str(unicorn.UcError(kind)).split(" (UC_ERR")[0].lower()
+        user = ctypes.c_void_p(state.as_pointer(self.state))
+        for at in addresses:
+            _hook(self._engine, unicorn.UC_HOOK_CODE, callback, user, at)
 
 
 def _is_device(address: int) -> bool:
@@ -295,7 +322,8 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
             )
         )
     _hook(uc, unicorn.UC_HOOK_BLOCK, blocks.on_block.address, user)
-    _hook(uc, unicorn.UC_HOOK_INTR, core.on_interrupt.address, user)
+    _hook(uc, unicorn.UC_HOOK_INTR, traps.on_interrupt.address, user)
+    _hook(uc, unicorn.UC_HOOK_MEM_INVALID, traps.on_invalid.address, user)
     return uc
 
 
