@@ -13,7 +13,6 @@ from targets.mcu.clock import cycles_at, now_ns
 from targets.mcu.preemption import NEVER_NS
 from targets.mcu.state import (
     ATTEND,
-    BEFORE_FP,
     BLOCK,
     CAN_TX_NEW,
     COUNT,
@@ -155,14 +154,10 @@ def _execute(S: State) -> int:
         S[THUMB] = 1
         traps.take_fault(S, faults.INVALID_STATE, S[PC])
         return GO_ON
-    error = _start(S, S[COUNT])
-    if S[STOPPED] == blocks.AT_BLOCK and S[BEFORE_FP] > 0:
-        # The instructions before it may switch the FPU on.
-        S[ATTEND] = 0
-        error = _start(S, 1 if S[COUNT] else S[BEFORE_FP])
+    S[STOPPED] = 0
+    S[BLOCK] = -1  # none yet
+    error = native.start(S, S[PC] | 1, S[COUNT])
     if S[STOPPED] == blocks.AT_BLOCK:
-        if S[BEFORE_FP] == 0:
-            traps.take_fault(S, faults.NO_COPROCESSOR, S[PC])
         # With a count set the hook may have stopped at the block after its instruction.
         return STEP if S[COUNT] and S[BLOCK] >= 0 else GO_ON
     S[PC] = native.get_register(S, REG_PC) & 0xFFFFFFFF
@@ -174,18 +169,13 @@ def _execute(S: State) -> int:
         traps.interrupted(S)
     elif S[STOPPED] == traps.AT_DIVISION:
         traps.take_fault(S, faults.DIVIDE_BY_ZERO, S[PC])
+    elif S[STOPPED] == traps.AT_FP:
+        traps.take_fault(S, faults.NO_COPROCESSOR, S[PC])
     elif error:
         traps.failed(S, error, behind)
     elif behind:
         S[SLEEPING] = exceptions.IN_WFI
     return STEP if S[COUNT] else GO_ON
-
-
-@njit(cache=True)
-def _start(S: State, count: int) -> int:
-    S[STOPPED] = 0
-    S[BLOCK] = S[BEFORE_FP] = -1  # none yet
-    return native.start(S, S[PC] | 1, count)
 
 
 @njit(cache=True)

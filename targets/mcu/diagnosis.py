@@ -37,7 +37,7 @@ def fault(S: State, image: Image) -> FirmwareFault:
         taken = faults.exception_name(int(S[state.FAULT_ADDRESS]))
         kind, words = "no-handler", f"{taken}, whose handler is an endless loop, was taken"
     elif S[state.ERROR] == faults.HANDLER_STUCK:
-        words = f"{words}, and its handler has not returned for {patience};"
+        words = f"{words}, and its handler has not returned for {patience},"
     elif S[state.FAULT_EXCEPTION] == faults.LOCKUP:
         kind, words = "lockup", f"lockup in the handler of a fault: {words}"
     return _at(image, registers, kind, words)

@@ -25,8 +25,8 @@ ENDED, HANDLER_STUCK = 1, 2
 READ, WRITE, FETCH = 0, 1, 2
 ACCESS_WORDS = ("read", "write", "instruction fetch")
 
-# SET_UP: hooks that the firmware has come to need
-DIVISIONS = 1
+# SET_UP: hooks on single instructions that the firmware has come to need, or needs no longer
+DIVISIONS, FPU_OFF, FPU_ON = 1, 2, 4
 
 LOCKUP = 0
 """FAULT_EXCEPTION of a fault that no handler can take."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from targets.errors import FirmwareError
 from targets.mcu import (
+    attention,
     blocks,
     bxcan,
     clock,
@@ -61,7 +62,9 @@ class Stm32f405:
         self.image = image
         self._on_fault = {"stop": faults.STOP, "take": faults.TAKE}[on_fault]
         self._patience_ns = patience_ns
-        self._divisions_hooked = False
+        self._division_hooks: list[int] = []
+        self._fp_hooks: list[int] = []
+        self._stepping = False
         self.flash = _aligned(CODE_SIZE, fill=0xFF)
         self.flash[: len(image.flash)] = np.frombuffer(image.flash, dtype=np.uint8)
         self._sram = _aligned(SRAM_SIZE)
@@ -69,7 +72,7 @@ class Stm32f405:
         self.state = state.allocate(len(image.flash))
         self._breakpoints: list[int] = []
         self._engine = _engine(self)
-        self._hook_sites(traps.on_send_event.address, sites.send_events(image))
+        self._hook_sites(traps.on_send_event, sites.send_events(image))
         self._reset(power_on_ns)
 
     def _reset(self, t_ns: int) -> None:
@@ -95,7 +98,7 @@ class Stm32f405:
         S[state.ON_FAULT] = self._on_fault
         S[state.PATIENCE_NS] = self._patience_ns
         S[state.MASKED_NS] = S[state.FAULTED_NS] = preemption.NEVER_NS
-        S[state.HAS_FP] = sites.has_fp(self.image)
+        S[state.FPU_WATCH] = attention.BY_BLOCK if sites.fp(self.image) else attention.UNUSED
 
     def run(self, until_ns: int) -> int:
         """Run until `until_ns`; TIME, or TRANSMIT earlier if a mailbox asks for the bus, or BREAKPOINT.
@@ -106,6 +109,7 @@ class Stm32f405:
         S = self.state
         S[state.UNTIL_NS] = until_ns
         S[state.BREAK_PASSED] = S[state.PC] if self._breakpoints else -1
+        self._stepping = False
         return self._run()
 
     def step(self, until_ns: int | None = None) -> int:
@@ -118,6 +122,9 @@ class Stm32f405:
         S[state.UNTIL_NS] = self.now_ns + 1000 * MS if until_ns is None else until_ns
         S[state.BREAK_PASSED] = S[state.PC]
         S[state.COUNT] = 1
+        if not self._stepping:
+            self._engine.ctl_flush_tb()  # what has been translated does not count instructions
+            self._stepping = True
         try:
             return self._run()
         finally:
@@ -155,16 +162,8 @@ class Stm32f405:
 
     def set_breakpoints(self, addresses: Iterable[int]) -> None:
         """Stop before the instructions at `addresses`, and no longer at those set before."""
-        import unicorn
-
-        for handle in self._breakpoints:
-            _unhook(self._engine, handle)
-        user = ctypes.c_void_p(state.as_pointer(self.state))
-        self._breakpoints = [
-            _hook(self._engine, unicorn.UC_HOOK_CODE, traps.on_breakpoint.address, user, at & ~1)
-            for at in sorted(set(addresses))
-        ]
-        self._engine.ctl_flush_tb()
+        sites = sorted({at & ~1 for at in addresses})
+        self._breakpoints = self._hook_sites(traps.on_breakpoint, sites, self._breakpoints)
 
     def registers(self) -> dict[str, int]:
         """The core registers by name: r0 to r12, sp, lr, pc, xpsr, msp, psp, primask, ..., s0 to s31."""
@@ -242,18 +241,27 @@ class Stm32f405:
 
     def _install_hooks(self) -> None:
         """Put in place what the firmware has come to need since it was started."""
-        wanted = int(self.state[state.SET_UP])
-        self.state[state.SET_UP] = 0
-        if wanted & faults.DIVISIONS and not self._divisions_hooked:
-            self._divisions_hooked = True
-            self._hook_sites(traps.on_division.address, sites.divisions(self.image))
+        S = self.state
+        wanted = int(S[state.SET_UP])
+        S[state.SET_UP] = 0
+        if wanted & faults.DIVISIONS and not self._division_hooks:
+            self._division_hooks = self._hook_sites(traps.on_division, sites.divisions(self.image))
+        if wanted & faults.FPU_OFF:
+            self._fp_hooks = self._hook_sites(traps.on_fp, sites.fp(self.image))
+        elif wanted & faults.FPU_ON and self._fp_hooks and attention.has_fpu(S):
+            self._fp_hooks = self._hook_sites(traps.on_fp, (), self._fp_hooks)
+            S[state.FPU_WATCH] = attention.BY_BLOCK
 
-    def _hook_sites(self, callback: int, addresses: Iterable[int]) -> None:
+    def _hook_sites(self, callback: Any, addresses: Iterable[int], instead: Iterable[int] = ()) -> list[int]:
+        """Have `callback` called before each of these instructions, and no longer by the hooks `instead`."""
         import unicorn
 
         user = ctypes.c_void_p(state.as_pointer(self.state))
-        for at in addresses:
-            _hook(self._engine, unicorn.UC_HOOK_CODE, callback, user, at)
+        for handle in instead:
+            _unhook(self._engine, handle)
+        hooks = [_hook(self._engine, unicorn.UC_HOOK_CODE, callback.address, user, at) for at in addresses]
+        self._engine.ctl_flush_tb()  # what has been translated calls the hooks of before
+        return hooks
 
 
 def _is_device(address: int) -> bool:

@@ -145,6 +145,7 @@ def write(S: State, address: int, value: int) -> bool:
         nvic.latch(S, value & 0x1FF)
     elif address == 0xE000ED88:
         S[CPACR] = value & 0xF00000
+        S[SET_UP] |= faults.FPU_ON
         S[ATTEND] |= 1
     elif address == 0xE000EF34:
         S[FPCCR] = value & FPCCR_BITS

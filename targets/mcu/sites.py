@@ -22,10 +22,10 @@ def send_events(image: Image) -> list[int]:
     return _addresses(at[(first == 0xBF40) | ((first == 0xF3AF) & (second == 0x8004))])
 
 
-def has_fp(image: Image) -> bool:
-    """Whether there may be instructions for the FPU: of coprocessor 10 or 11 (A5.3.18)."""
-    first, second, _ = _pairs(image)
-    return bool(np.any(((first & 0xEC00) == 0xEC00) & ((second & 0x0E00) == 0x0A00)))
+def fp(image: Image) -> list[int]:
+    """Addresses of instructions for the FPU: of coprocessor 10 or 11 (A5.3.18)."""
+    first, second, at = _pairs(image)
+    return _addresses(at[((first & 0xEC00) == 0xEC00) & ((second & 0x0E00) == 0x0A00)])
 
 
 def _pairs(image: Image) -> tuple[NDArray[np.uint16], NDArray[np.uint16], NDArray[np.int64]]:

@@ -11,7 +11,7 @@ from unicorn import unicorn_const as uc
 
 from targets.jit import cfunc, njit
 from targets.mcu import exceptions, faulting, faults, native, preemption
-from targets.mcu.attention import halfword
+from targets.mcu.attention import halfword, has_fpu
 from targets.mcu.faulting import REG_R0, REG_XPSR
 from targets.mcu.preemption import SV_CALL
 from targets.mcu.state import (
@@ -31,7 +31,7 @@ from targets.mcu.state import (
 )
 
 # STOPPED, beside blocks.AT_BLOCK
-AT_INTERRUPT, AT_BREAKPOINT, AT_DIVISION = 2, 3, 4
+AT_INTERRUPT, AT_BREAKPOINT, AT_DIVISION, AT_FP = range(2, 6)
 
 # unicorn's exception numbers
 SVC, PREFETCH_ABORT, DATA_ABORT, BKPT, EXC_RETURN, NOCP, INVSTATE = 2, 3, 4, 7, 8, 17, 18
@@ -97,6 +97,15 @@ def on_division(engine: Any, address: int, size: int, user: Any) -> None:
     S = carray(user, (COST,), types.int64)
     if divide_trap(S, types.int64(address)):
         S[STOPPED] = AT_DIVISION
+        native.stop(S)
+
+
+@cfunc(_CODE_HOOK, cache=True)
+def on_fp(engine: Any, address: int, size: int, user: Any) -> None:
+    """uc_cb_hookcode_t of an FP instruction: stop before it while the FPU is off."""
+    S = carray(user, (COST,), types.int64)
+    if not has_fpu(S):
+        S[STOPPED] = AT_FP
         native.stop(S)
 
 
