@@ -11,7 +11,7 @@ from numba import carray, types
 from unicorn import arm_const as arm
 
 from targets.jit import cfunc, njit
-from targets.mcu import art, native, pipeline
+from targets.mcu import art, attention, native, pipeline
 from targets.mcu.decode import INFO, SIZE_AT
 from targets.mcu.pipeline import NOWHERE
 from targets.mcu.state import (
@@ -45,11 +45,15 @@ from targets.mcu.state import (
     SITE,
     SIZE,
     STOPPED,
+    THUMB,
     UNTIL_NS,
     State,
 )
 
-REG_PRIMASK = arm.UC_ARM_REG_PRIMASK
+AT_BLOCK = 1
+"""STOPPED by the block hook, which puts the block's address into PC: the engine's own may be stale."""
+
+REG_XPSR = arm.UC_ARM_REG_XPSR
 SETS = 3
 MODEL, OPTIMISTIC, PESSIMISTIC = range(SETS)
 _BITS, _MASK = 20, (1 << 20) - 1
@@ -63,10 +67,46 @@ def cycles_of(packed: int, figures: int) -> int:
 
 
 @njit(cache=True)
+def _stop(S: State, address: int) -> None:
+    S[STOPPED] = AT_BLOCK
+    S[PC] = address
+    S[THUMB] = native.get_register(S, REG_XPSR) >> 24 & 1
+    native.stop(S)
+
+
+@njit(cache=True)
 def restart(S: State) -> None:
     """The next instruction does not follow from the last: an exception, or a debugger, came between."""
     S[NEXT] = S[PC]
     S[FLOW] = 0
+
+
+@njit(cache=True)
+def refund(S: State, address: int) -> None:
+    """The last block was left at `address`: take back what was charged for the rest of it."""
+    if not S[BLOCK] <= address < S[NEXT]:
+        return
+    flow = FLOWS + FLOW_WORDS * S[BLOCK_FLOW]
+    taken = S[BLOCK_TAKEN] != 0
+    for k in range(SETS):
+        word = flow + 3 * k
+        spent = 0
+        for j in range(3):
+            S[RESULT + j] = S[word + j]
+        if address > S[BLOCK]:
+            spent = pipeline.simulate(
+                S, k, S[word], S[word + 1], S[word + 2], S[BLOCK], address, taken, NOWHERE
+            )
+        for j in range(3):
+            S[RESULT + 3 + 3 * k + j] = S[RESULT + j]
+        S[CYCLES if k == MODEL else CYCLES_MIN + k - 1] -= cycles_of(S[BLOCK_CYCLES], k) - spent
+    at = address
+    while at < S[NEXT]:
+        S[INSTRUCTIONS] -= 1
+        at += 2 * (S[pipeline.row(at) + INFO] >> SIZE_AT & 3)
+    S[FLOW] = _number(S) if S[RESULT + 3] else 0
+    # Left before its first instruction, the block is yet to be entered, by the branch it was entered by.
+    S[NEXT] = NOWHERE if taken and address == S[BLOCK] else address
 
 
 @njit(cache=True)
@@ -144,13 +184,8 @@ def on_block(engine: Any, address: int, size: int, user: Any) -> None:
     """uc_cb_hookcode_t of basic blocks: charge the block, or stop before it."""
     S = carray(user, (SIZE,), types.int64)
     at = types.int64(address)
-    if S[CYCLES] >= S[DEADLINE] or S[ATTEND] == 1:
-        S[STOPPED] = 1
-        native.stop(S)
-        return
-    if S[ATTEND] == 2 and native.get_register(S, REG_PRIMASK) & 1 == 0:
-        S[STOPPED] = 1
-        native.stop(S)
+    if S[CYCLES] >= S[DEADLINE] or (S[ATTEND] != 0 and attention.stops(S, at, types.int64(size))):
+        _stop(S, at)
         return
     if S[FLOWS_USED] >= FLOWS_MAX * 3 // 4:
         _forget(S)
@@ -159,14 +194,13 @@ def on_block(engine: Any, address: int, size: int, user: Any) -> None:
     key = at | taken << 32 | flow << 33 | types.int64(size) << 45
     entry = MEMO + MEMO_WORDS * ((key * _SPREAD) >> 40 & MEMO_MAX - 1)
     if S[entry] != key and not _remember(S, entry, key, at, types.int64(size), taken):
-        if at == S[CALL_END]:
+        if at == S[CALL_END] != 0:
             _settle(S)
             S[UNTIL_NS] = S[BASE_NS]
         else:
             S[DECODE_AT] = at
             S[DECODE_SIZE] = size
-        S[STOPPED] = 1
-        native.stop(S)
+        _stop(S, at)
         return
     end = at + size
     S[BLOCK] = at

@@ -113,6 +113,7 @@ class Caller:
         native.set_register(S, core.REG_XPSR, THUMB)
         S[state.SLEEPING] = 0
         S[state.PC] = entry
+        S[state.THUMB] = 1
         blocks.restart(S)
 
 

@@ -1,13 +1,32 @@
 """An STM32F405: unicorn, memories, devices and cycle model put together; time in nanoseconds from outside."""
 
 import ctypes
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from targets.errors import FirmwareFault
-from targets.mcu import blocks, bxcan, clock, core, dynamic, native, peripherals, pipeline, rcc, scs, state
+from targets.errors import FirmwareError, FirmwareFault
+from targets.mcu import (
+    attention,
+    blocks,
+    bxcan,
+    clock,
+    core,
+    diagnosis,
+    dynamic,
+    faults,
+    native,
+    peripherals,
+    pipeline,
+    preemption,
+    rcc,
+    scs,
+    sites,
+    state,
+    traps,
+)
 from targets.mcu.decode import INFO, decode
 from targets.mcu.image import Image
 from targets.mcu.memory_map import ALIAS, CCM, CCM_SIZE, FLASH, SRAM, SRAM_SIZE
@@ -21,37 +40,43 @@ CODE_SIZE = 0x100000
 TRANSLATED_SIZE = 32 << 20
 """Room for translated code, bytes: a megabyte of flash many times over."""
 
-_EXCEPTIONS = {
-    1: "undefined instruction",
-    2: "supervisor call without a handler",
-    3: "instruction fetch outside memory",
-    4: "data abort",
-    7: "breakpoint instruction",
-    18: "instruction in ARM state",
-}
-"""The engine's exception numbers that no handler of a firmware for this MCU takes here."""
+TIME, TRANSMIT, FAULT, RESET = core.TIME, core.TRANSMIT, core.FAULT, core.RESET
+BREAKPOINT, STEP = core.BREAKPOINT, core.STEP
 
-TIME, TRANSMIT, FAULT, RESET, DECODE = core.TIME, core.TRANSMIT, core.FAULT, core.RESET, core.DECODE
+MS = 1_000_000
+
+OnFault = Literal["stop", "take"]
 
 
 class Stm32f405:
     """The emulated microcontroller with `image` in flash, in reset until the first `run`.
 
     power_on_ns: the instant at which the supply comes up, which may lie before 0.
+    on_fault: "stop" ends the run with HardFault, and with MemManage, BusFault or UsageFault unless it has a
+    handler of its own; "take" runs every handler. Either ends it with lockup, a handler that is an endless
+    loop or runs for longer than patience_ns, and interrupts that are disabled for as long while one waits.
     flash: uint8, the flash memory itself; what is written to it the program sees (code: see `patch`).
     """
 
-    def __init__(self, image: Image, power_on_ns: int = 0) -> None:
+    def __init__(
+        self, image: Image, power_on_ns: int = 0, on_fault: OnFault = "stop", patience_ns: int = 1000 * MS
+    ) -> None:
         self.image = image
+        self._on_fault = {"stop": faults.STOP, "take": faults.TAKE}[on_fault]
+        self._patience_ns = patience_ns
+        self._division_hooks: list[int] = []
+        self._fp_hooks: list[int] = []
+        self._stepping = False
         self.flash = _aligned(CODE_SIZE, fill=0xFF)
         self.flash[: len(image.flash)] = np.frombuffer(image.flash, dtype=np.uint8)
         self._sram = _aligned(SRAM_SIZE)
         self._ccm = _aligned(CCM_SIZE)
         self.state = state.allocate()
-        self._library: ctypes.CDLL
+        self._breakpoints: list[int] = []
         self._engine = _engine(self)
         for address, content in image.ram:
             self._engine.mem_write(address, content)
+        self._hook_sites(traps.on_send_event, sites.send_events(image))
         self._reset(power_on_ns)
 
     def _reset(self, t_ns: int) -> None:
@@ -71,19 +96,53 @@ class Stm32f405:
         native.set_register(S, core.REG_SP, stack)
         native.set_register(S, core.REG_LR, 0xFFFFFFFF)
         S[state.PC] = S[state.NEXT] = entry & ~1
+        S[state.THUMB] = entry & 1
+        S[state.ON_FAULT] = self._on_fault
+        S[state.PATIENCE_NS] = self._patience_ns
+        S[state.MASKED_NS] = S[state.FAULTED_NS] = preemption.NEVER_NS
+        S[state.FPU_WATCH] = attention.BY_BLOCK if sites.fp(self.image) else attention.UNUSED
 
     def run(self, until_ns: int) -> int:
-        """Run until `until_ns`; TIME, or TRANSMIT earlier if a mailbox asks for the bus.
+        """Run until `until_ns`; TIME, or TRANSMIT earlier if a mailbox asks for the bus, or BREAKPOINT.
 
-        Raises FirmwareFault if the program did what only a fault handler could answer.
+        A breakpoint stops before its instruction; run again from there, it lets that instruction pass.
+        Raises FirmwareFault if the program did what ends a run (see on_fault), or asked for a reset.
         """
-        self.state[state.UNTIL_NS] = until_ns
-        while (reason := int(core.run(self.state))) == DECODE:
-            self._decode()
+        S = self.state
+        S[state.UNTIL_NS] = until_ns
+        S[state.BREAK_PASSED] = S[state.PC] if self._breakpoints else -1
+        self._stepping = False
+        return self._run()
+
+    def step(self, until_ns: int | None = None) -> int:
+        """Run one instruction, of a handler if an interrupt is due: STEP; TIME if it sleeps to `until_ns`.
+
+        until_ns: by default a second from now. An IT block counts as one instruction. Other reasons to stop
+        as in `run`.
+        """
+        S = self.state
+        S[state.UNTIL_NS] = self.now_ns + 1000 * MS if until_ns is None else until_ns
+        S[state.BREAK_PASSED] = S[state.PC]
+        S[state.COUNT] = 1
+        if not self._stepping:
+            self._engine.ctl_flush_tb()  # what has been translated does not count instructions
+            self._stepping = True
+        try:
+            return self._run()
+        finally:
+            S[state.COUNT] = 0
+
+    def _run(self) -> int:
+        S = self.state
+        while (reason := int(core.run(S))) in (core.MORE_HOOKS, core.DECODE):
+            if reason == core.DECODE:
+                self._decode()
+            else:
+                self._install_hooks()
         if reason == FAULT:
-            raise FirmwareFault(f"{self._fault()} at {self.where()}")
+            raise diagnosis.fault(S, self.image)
         if reason == RESET:
-            raise FirmwareFault(f"the firmware asked for a system reset at {self.where()}")
+            raise diagnosis.reset(S, self.image, self.registers())
         return reason
 
     def _decode(self) -> None:
@@ -96,11 +155,20 @@ class Stm32f405:
             raise FirmwareFault(f"code runs outside flash and SRAM at {self.where()}")
         rows = decode(self.read_bytes(address, size), address)
         S[at : at + rows.size] = rows.ravel()
-        sites = [address + 2 * k for k, info in enumerate(rows[:, INFO].tolist()) if dynamic.is_dynamic(info)]
-        for site in sites:
-            self._hook_code(site, dynamic.on_instruction.address)
-        if sites:
-            self._engine.ctl_remove_cache(address, address + size)
+        found = [address + 2 * k for k, info in enumerate(rows[:, INFO].tolist()) if dynamic.is_dynamic(info)]
+        if found:
+            self._hook_sites(dynamic.on_instruction, found)
+
+    @property
+    def engine(self) -> "unicorn.Uc":
+        """Unicorn itself, for memory beside that of the real MCU."""
+        return self._engine
+
+    def watch_blocks(self, callback: int, user: ctypes.c_void_p) -> None:
+        """Have the C function at `callback` called for each basic block, too, once its time is charged."""
+        import unicorn
+
+        _hook(self._engine, unicorn.UC_HOOK_BLOCK, callback, user)
 
     @property
     def now_ns(self) -> int:
@@ -122,10 +190,30 @@ class Stm32f405:
         """The program counter."""
         return int(self.state[state.PC])
 
+    def set_breakpoints(self, addresses: Iterable[int]) -> None:
+        """Stop before the instructions at `addresses`, and no longer at those set before."""
+        sites = sorted({at & ~1 for at in addresses})
+        self._breakpoints = self._hook_sites(traps.on_breakpoint, sites, self._breakpoints)
+
+    def registers(self) -> dict[str, int]:
+        """The core registers by name: r0 to r12, sp, lr, pc, xpsr, msp, psp, primask, ..., s0 to s31."""
+        S = self.state
+        values = {name: int(native.get_register(S, number)) for name, number in core.REGISTERS.items()}
+        return values | {"pc": self.pc}
+
+    def set_register(self, name: str, value: int) -> None:
+        """Write one of `registers`; KeyError for another name."""
+        S = self.state
+        if name == "pc":
+            S[state.PC] = value & ~1
+            blocks.restart(S)
+            S[state.SLEEPING] = 0
+        else:
+            native.set_register(S, core.REGISTERS[name], value & 0xFFFFFFFF)
+
     def where(self) -> str:
         """The program counter, the function it is in, and the source line."""
-        name, line = self.image.function_at(self.pc), self.image.line_at(self.pc)
-        return f"pc {self.pc:#010x}" + (f" in {name}" if name else "") + (f" ({line})" if line else "")
+        return diagnosis.place(self.image, self.pc)
 
     def unmodelled(self) -> dict[int, int]:
         """Addresses of registers that were accessed and are not modelled: address -> times."""
@@ -142,17 +230,39 @@ class Stm32f405:
         """Bytes of memory (not of devices)."""
         return bytes(self._engine.mem_read(address, count))
 
-    @property
-    def engine(self) -> "unicorn.Uc":
-        """Unicorn itself, for memory beside that of the real MCU."""
-        return self._engine
+    def read_memory(self, address: int, count: int) -> bytes:
+        """Bytes of memory or of devices, as a debugger reads them; FirmwareError if nothing answers there.
 
-    def watch_blocks(self, callback: int, user: ctypes.c_void_p) -> None:
-        """Have the C function at `callback` called for each basic block, too, once its time is charged."""
+        Devices are read by words and half-words as the alignment lets it, with the effects a read has.
+        """
+        return b"".join(
+            self._read(at, size).to_bytes(size, "little") for at, size in _accesses(address, count)
+        )
+
+    def write_memory(self, address: int, data: bytes) -> None:
+        """Write memory, flash too, or devices as a debugger does; FirmwareError if nothing answers there."""
+        if FLASH <= address < FLASH + CODE_SIZE:
+            self.patch(address, data)
+            return
+        for at, size in _accesses(address, len(data)):
+            part = data[at - address : at - address + size]
+            if _is_device(at):
+                peripherals.store(self.state, at, size, int.from_bytes(part, "little"))
+            else:
+                self._memory(self._engine.mem_write, at, part)
+
+    def _read(self, address: int, size: int) -> int:
+        if _is_device(address):
+            return int(peripherals.load(self.state, address, size))
+        return int.from_bytes(self._memory(self._engine.mem_read, address, size), "little")
+
+    def _memory(self, access: Callable[[int, Any], Any], address: int, what: Any) -> Any:
         import unicorn
-        from unicorn.unicorn_py3 import unicorn as binding
 
-        _hook(binding.uclib, self._engine, unicorn.UC_HOOK_BLOCK, callback, user)
+        try:
+            return access(address, what)
+        except unicorn.UcError:
+            raise FirmwareError(f"no memory at {address:#010x}") from None
 
     def patch(self, address: int, data: bytes) -> None:
         """Write to flash as a debugger would: code that has been translated already is forgotten."""
@@ -161,22 +271,48 @@ class Stm32f405:
         for start in (address, address - FLASH + ALIAS):
             self._engine.ctl_remove_cache(start, start + len(data))
 
-    def _hook_code(self, address: int, callback: int) -> None:
+    def _install_hooks(self) -> None:
+        """Put in place what the firmware has come to need since it was started."""
+        S = self.state
+        wanted = int(S[state.SET_UP])
+        S[state.SET_UP] = 0
+        if wanted & faults.DIVISIONS and not self._division_hooks:
+            self._division_hooks = self._hook_sites(traps.on_division, sites.divisions(self.image))
+        if wanted & faults.FPU_OFF:
+            self._fp_hooks = self._hook_sites(traps.on_fp, sites.fp(self.image))
+        elif wanted & faults.FPU_ON and self._fp_hooks and attention.has_fpu(S):
+            self._fp_hooks = self._hook_sites(traps.on_fp, (), self._fp_hooks)
+            S[state.FPU_WATCH] = attention.BY_BLOCK
+
+    def _hook_sites(self, callback: Any, addresses: Iterable[int], instead: Iterable[int] = ()) -> list[int]:
+        """Have `callback` called before each of these instructions, and no longer by the hooks `instead`."""
         import unicorn
 
         user = ctypes.c_void_p(state.as_pointer(self.state))
-        _hook(self._library, self._engine, unicorn.UC_HOOK_CODE, callback, user, address, address)
+        for handle in instead:
+            _unhook(self._engine, handle)
+        hooks = [_hook(self._engine, unicorn.UC_HOOK_CODE, callback.address, user, at) for at in addresses]
+        self._engine.ctl_flush_tb()  # what has been translated calls the hooks of before
+        return hooks
 
-    def _fault(self) -> str:
-        import unicorn
 
-        code = int(self.state[state.ERROR])
-        number, kind = code >> 16, code & 0xFFFF
-        if kind == core.ERROR_INTERRUPT:
-            return _EXCEPTIONS.get(number, f"exception {number}")
-        if kind == core.ERROR_STACK:
-            return "exception frame outside memory"
-        return str(unicorn.UcError(kind)).split(" (UC_ERR")[0].lower()
+def _is_device(address: int) -> bool:
+    return any(
+        base <= address < base + size
+        for base, size in (
+            (peripherals.PERIPHERALS, peripherals.PERIPHERALS_SIZE),
+            (peripherals.SYSTEM, peripherals.SYSTEM_SIZE),
+        )
+    )
+
+
+def _accesses(address: int, count: int) -> Iterator[tuple[int, int]]:
+    """The aligned accesses of 4, 2 or 1 bytes that cover `count` bytes: (address, size)."""
+    end = address + count
+    while address < end:
+        size = next(s for s in (4, 2, 1) if address % s == 0 and address + s <= end)
+        yield address, size
+        address += size
 
 
 def _aligned(size: int, fill: int = 0) -> NDArray[np.uint8]:
@@ -191,7 +327,7 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
     from unicorn import arm_const
     from unicorn.unicorn_py3 import unicorn as binding
 
-    library = mcu._library = binding.uclib
+    library = binding.uclib
     uc = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
     uc.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M4)
     # By itself the engine reserves a gigabyte of addresses, and ends the process where it may not.
@@ -226,26 +362,30 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
                 uc._uch, base, size, ctypes.c_void_p(read.address), user, ctypes.c_void_p(write.address), user
             )
         )
-    _hook(library, uc, unicorn.UC_HOOK_BLOCK, blocks.on_block.address, user)
-    _hook(library, uc, unicorn.UC_HOOK_INTR, core.on_interrupt.address, user)
+    _hook(uc, unicorn.UC_HOOK_BLOCK, blocks.on_block.address, user)
+    _hook(uc, unicorn.UC_HOOK_INTR, traps.on_interrupt.address, user)
+    _hook(uc, unicorn.UC_HOOK_MEM_INVALID, traps.on_invalid.address, user)
     return uc
 
 
-def _hook(
-    library: ctypes.CDLL,
-    uc: "unicorn.Uc",
-    kind: int,
-    callback: int,
-    user: ctypes.c_void_p,
-    begin: int = 1,
-    end: int = 0,
-) -> None:
-    """Add a hook for addresses from `begin` to `end`; the default, begin above end, is everywhere."""
+def _hook(uc: "unicorn.Uc", kind: int, callback: int, user: ctypes.c_void_p, at: int | None = None) -> int:
+    """Have `callback` called, for the instruction at `at` or for all; the hook's handle."""
+    from unicorn.unicorn_py3 import unicorn as binding
+
     handle = ctypes.c_size_t()
-    bounds = ctypes.c_uint64(begin), ctypes.c_uint64(end)
+    first, last = (ctypes.c_uint64(edge) for edge in ((1, 0) if at is None else (at, at)))
     _checked(
-        library.uc_hook_add(uc._uch, ctypes.byref(handle), kind, ctypes.c_void_p(callback), user, *bounds)
+        binding.uclib.uc_hook_add(
+            uc._uch, ctypes.byref(handle), kind, ctypes.c_void_p(callback), user, first, last
+        )
     )
+    return handle.value
+
+
+def _unhook(uc: "unicorn.Uc", handle: int) -> None:
+    from unicorn.unicorn_py3 import unicorn as binding
+
+    _checked(binding.uclib.uc_hook_del(uc._uch, ctypes.c_size_t(handle)))
 
 
 def _checked(error: int) -> None:

@@ -1,77 +1,43 @@
-"""Where in a block an access to a device happens: blocks are charged whole, a device wants its instant.
+"""Where in an image the instructions lie that the emulator must watch one by one.
 
-The engine does not say which instruction of a block is at work, but its registers are up to date: the access
-is that of the first load or store, after the last one found, whose registers give its address.
+Sought by their bits at every halfword of the code: a pair of halfwords that only looks like one is never
+executed as one, and a watch on it never called.
 """
 
-from unicorn import arm_const as arm
+import numpy as np
+from numpy.typing import NDArray
 
-from targets.jit import njit
-from targets.mcu import native, pipeline
-from targets.mcu.blocks import SETS, cycles_of
-from targets.mcu.decode import ADDRESS, HAS_INDEX, INFO, OFFSET_AT, SIZE_AT
-from targets.mcu.state import (
-    BLOCK,
-    BLOCK_CYCLES,
-    BLOCK_END,
-    BLOCK_FLOW,
-    BLOCK_TAKEN,
-    FLOW_WORDS,
-    FLOWS,
-    LATE,
-    SITE,
-    State,
-)
-
-REG_R0, REG_SP, REG_LR = arm.UC_ARM_REG_R0, arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR
+from targets.mcu.image import FLASH, Image
 
 
-@njit(cache=True)
-def locate(S: State, address: int) -> None:
-    """Put into LATE how many of the block's cycles lie behind the access to `address` that happens now."""
-    site = _search(S, S[SITE] + 1 if S[SITE] else S[BLOCK], address)
-    if site == pipeline.NOWHERE:
-        return
-    S[SITE] = site
-    flow = FLOWS + FLOW_WORDS * S[BLOCK_FLOW]
-    for k in range(SETS):
-        word = flow + 3 * k
-        taken = S[BLOCK_TAKEN] != 0
-        begin = pipeline.simulate(
-            S, k, S[word], S[word + 1], S[word + 2], S[BLOCK], S[BLOCK_END], taken, site
-        )
-        S[LATE + k] = max(cycles_of(S[BLOCK_CYCLES], k) - begin - 1, 0)
+def divisions(image: Image) -> list[int]:
+    """Addresses of SDIV and UDIV (ARMv7-M A7.7.127, A7.7.195)."""
+    first, second, at = _pairs(image)
+    return _addresses(at[((first & 0xFFD0) == 0xFB90) & ((second & 0xF0F0) == 0xF0F0)])
 
 
-@njit(cache=True)
-def leave(S: State) -> None:
-    """The access is over."""
-    S[LATE] = 0
-    S[LATE + 1] = 0
-    S[LATE + 2] = 0
+def send_events(image: Image) -> list[int]:
+    """Addresses of SEV (A7.7.130), both encodings."""
+    first, second, at = _pairs(image)
+    return _addresses(at[(first == 0xBF40) | ((first == 0xF3AF) & (second == 0x8004))])
 
 
-@njit(cache=True)
-def _search(S: State, start: int, address: int) -> int:
-    """The first load or store from `start` on whose registers give `address`; NOWHERE if there is none."""
-    at = S[BLOCK]
-    while at < S[BLOCK_END]:
-        row = pipeline.row(at)
-        place = S[row + ADDRESS]
-        if place and at >= start:
-            target = _register(S, place & 0xF) + (place >> OFFSET_AT)
-            if place & HAS_INDEX:
-                target += _register(S, place >> 4 & 0xF) << (place >> 9 & 7)
-            if target & 0xFFFFFFFF == address:
-                return at
-        at += 2 * (S[row + INFO] >> SIZE_AT & 3)
-    return pipeline.NOWHERE
+def fp(image: Image) -> list[int]:
+    """Addresses of instructions for the FPU: of coprocessor 10 or 11 (A5.3.18)."""
+    first, second, at = _pairs(image)
+    return _addresses(at[((first & 0xEC00) == 0xEC00) & ((second & 0x0E00) == 0x0A00)])
 
 
-@njit(cache=True)
-def _register(S: State, number: int) -> int:
-    if number == 13:
-        return native.get_register(S, REG_SP)
-    if number == 14:
-        return native.get_register(S, REG_LR)
-    return native.get_register(S, REG_R0 + number)
+def _pairs(image: Image) -> tuple[NDArray[np.uint16], NDArray[np.uint16], NDArray[np.int64]]:
+    """Each halfword of the code, the one behind it, and its address."""
+    halfwords = np.frombuffer(image.flash[: len(image.flash) & ~1], dtype="<u2")
+    inside = np.zeros(len(halfwords), dtype=bool)
+    for start, end in image.code:
+        inside[(start - FLASH) // 2 : (end - FLASH) // 2] = True
+    at = np.flatnonzero(inside)
+    behind = np.append(halfwords[1:], np.uint16(0))
+    return halfwords[at], behind[at], FLASH + 2 * at
+
+
+def _addresses(at: NDArray[np.int64]) -> list[int]:
+    return [int(address) for address in at]

@@ -30,12 +30,11 @@ EXIT_CYCLES = 25
 TAIL_CYCLES = 26
 
 # Run loop
-ATTEND = 32  # 1: stop at the next block; 2: stop when PRIMASK clears
-STOPPED = 33  # a hook stopped the engine (else it was WFI)
-SLEEPING = 34
+ATTEND = 32  # what the block hook looks after: see attention.py; 1 stops at the next block
+STOPPED = 33  # a hook stopped the engine, and which (else it was WFI)
+SLEEPING = 34  # by WFI or WFE: see exceptions.py
 PC = 35
-ERROR = 36  # unicorn's error code
-RETURNING = 37  # an EXC_RETURN was executed
+ERROR = 36  # the run has ended with the fault recorded: see faults.py
 RESET_REQUEST = 38
 CALL_END = 47  # address at which a called function's return ends the run
 
@@ -55,7 +54,7 @@ NVIC_ENABLED = 64
 NVIC_LATCHED = 67
 NVIC_PRIORITY = 80  # 96 of them
 ACTIVE_DEPTH = 176
-ACTIVE = 177  # exception numbers, nested; 16 deep
+ACTIVE = 177  # exception numbers, nested: 16 priorities, HardFault and NMI
 
 # RCC and flash interface
 RCC_CR = 208
@@ -99,8 +98,57 @@ UNMODELLED_MAX = 64
 STACK = 600
 
 # 1024..1279: core and system
+COUNT = 1025  # instructions to run before stopping, 0 for any number
+BREAK_PASSED = 1026  # address of a breakpoint that does not stop this once
+SET_UP = 1028  # hooks the machine must install before going on: see hooks.py
+TRAP = 1029  # unicorn's exception number
+THUMB = 1030  # the T bit: the engine runs with it set whatever it was
+HALT_ON_BKPT = 1031  # a debugger takes BKPT instructions
+FPU_WATCH = 1032  # how the use of an FPU that is off is found out: see attention.py
+MASKED_NS = 1033  # since when an exception that could run is masked, or the handler of a fault runs; or NEVER
+FAULTED_NS = 1034
+PATIENCE_NS = 1035  # how long either may last
+WAITING = 1036  # the exception that is masked
+EVENT = 1037  # event register of WFE and SEV
+PENDING_SEEN = 1038  # four words: what was pending when SEVONPEND was looked at last
+ON_FAULT = 1042  # see faults.py
+ACCESS = 1043  # of the access that memory refused: read, write or fetch
+ACCESS_ADDRESS = 1044
+
+# Exceptions 1 to 15
+SYSTEM_PENDING = 1045  # a bit each
+SYSTEM_PRIORITY = 1048  # sixteen
+PRIGROUP = 1064
+ACTLR = 1065
+FPCAR = 1066
+CFSR = 1067
+HFSR = 1068
+DFSR = 1069
+MMFAR = 1070
+BFAR = 1071
+
+SYST_CTRL = 1074  # ENABLE, TICKINT, CLKSOURCE, COUNTFLAG
+SYST_LOAD = 1075
+SYST_VALUE = 1076  # the count at cycle SYST_BASE
+SYST_BASE = 1077
+SYST_DUE = 1078  # cycle at which it next comes to zero
+
+MPU_CTRL = 1080
+MPU_RNR = 1081
+MPU_RBAR = 1082  # eight
+MPU_RASR = 1090  # eight
+
+# The last fault: its kind, the address it is about, the exception it became; R0 to R12, SP, LR, PC and xPSR
+FAULT_KIND = 1100
+FAULT_ADDRESS = 1101
+FAULT_EXCEPTION = 1102
+FAULT_COUNT = 1103
+FAULT_ACCESS = 1104
+FAULT_REGISTERS = 1105  # seventeen
+
 # 1280..1535: bxCAN
 # 1536..3071: other devices
+RESET_CAUSE = 1536  # who asked for the reset
 # 3072..3583: time, and what the cycle model remembers
 TIME = 3072
 # The same count as CYCLES with the timing model's optimistic and its pessimistic figures
@@ -108,7 +156,7 @@ CYCLES_MIN = 3072
 CYCLES_MAX = 3073
 INSTRUCTIONS = 3074  # executed, those that an IT block skips included
 FLOW = 3075  # state of the pipeline at the end of the last block: a row of FLOWS
-BLOCK = 3076  # the block that runs: its first address, the one past it, and how it was entered
+BLOCK = 3076  # the block charged last: its first address, the one past it, and how it was entered
 BLOCK_END = 3077
 BLOCK_FLOW = 3078
 BLOCK_TAKEN = 3079

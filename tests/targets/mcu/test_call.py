@@ -185,11 +185,11 @@ def test_stack_elsewhere():
         ("forever", [], "forever has not returned after 100000 cycles at pc 0x080000c0 in forever"),
         ("sleep", [], "sleep sleeps after 100000 cycles at pc 0x"),
         ("undefined", [], "at pc 0x08000100 in undefined"),
-        ("wild", [0x60000000], "invalid memory read at pc 0x"),
+        ("wild", [0x60000000], "read outside memory, at 0x60000000 at pc 0x"),
         ("jump", [0x60000001], "fetch"),
-        ("jump", [1], "fetch"),
+        ("jump", [1], "has not returned"),  # flash begins at 0, too
     ],
-    ids=["endless", "asleep", "undefined", "unmapped-read", "unmapped-jump", "null-jump"],
+    ids=["endless", "asleep", "undefined", "unmapped-read", "unmapped-jump", "jump-to-0"],
 )
 def test_functions_that_do_not_return(caller, name, arguments, complaint):
     """A function that fails or never returns ends in a fault, in bounded time."""
