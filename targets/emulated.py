@@ -7,6 +7,7 @@ import numpy as np
 from targets.calibration import Calibration
 from targets.ecu import Frame, Transmission
 from targets.errors import CalibrationError, FirmwareError, FirmwareFault
+from targets.firmware import clock
 from targets.mcu import bxcan, state
 from targets.mcu.image import FLASH, Image
 from targets.mcu.machine import TRANSMIT, Stm32f405
@@ -17,8 +18,9 @@ CALIBRATION_SYMBOL, ROOM_SYMBOL = "calibration_image", "calibration_room"
 class EmulatedEcu:
     """`image` with `calibration` on the MCU, powered at `power_on_ns`, on a bus of `bitrate` bit/s.
 
-    mcu: the machine itself, to look into and to tamper with.
-    Raises CalibrationError if the image's calibration section is too small, FirmwareError if it has none.
+    mcu: the machine itself, to look into and to tamper with. clock_hz: the CPU's clock, in place of the image's.
+    Raises CalibrationError if the image's calibration section is too small, FirmwareError if it has none,
+    TargetError for a clock that cannot be set.
     """
 
     def __init__(
@@ -28,6 +30,7 @@ class EmulatedEcu:
         name: str = "ifd",
         power_on_ns: int = -100_000_000,
         bitrate: int = 500_000,
+        clock_hz: int | None = None,
     ) -> None:
         self.name = name
         self.mcu = Stm32f405(image, power_on_ns)
@@ -41,6 +44,8 @@ class EmulatedEcu:
         if not 0 <= self.calibration_at <= len(self.mcu.flash) - len(content):
             raise FirmwareError(f"{image.source}: symbol {CALIBRATION_SYMBOL} lies outside flash")
         self.mcu.flash[self.calibration_at :][: len(content)] = np.frombuffer(content, dtype=np.uint8)
+        if clock_hz is not None:
+            self.mcu.patch(image.symbol(clock.SYMBOL), clock.setting(clock_hz, bitrate).content())
 
     def advance(self, t_ns: int) -> Transmission | None:
         """Run the firmware until `t_ns` or its next transmit request."""
