@@ -26,8 +26,8 @@ DEFAULT_CALIBRATION = CALIBRATIONS / f"{DEFAULT_NAME}.json"
 class Build:
     """An ECU ready to be switched on: role, where it runs, firmware image and calibration.
 
-    clock_hz: the emulated CPU's clock, in place of the image's. Raises TargetError for a role or host that does
-    not exist.
+    clock_hz: the emulated CPU's clock, in place of the image's. Raises TargetError for a role or host that
+    does not exist.
     """
 
     role: str
@@ -44,9 +44,7 @@ class Build:
             return HostEcu(self.calibration, self.role)
         from targets.emulated import EmulatedEcu
 
-        return EmulatedEcu(
-            self.image, self.calibration, self.role, bitrate=bitrate, clock_hz=self.clock_hz
-        )
+        return EmulatedEcu(self.image, self.calibration, self.role, bitrate=bitrate, clock_hz=self.clock_hz)
 
     def needs(self) -> tuple[str, ...]:
         """The lap channels without which this ECU cannot answer."""
@@ -54,7 +52,7 @@ class Build:
         return (*inputs, "rear_stroke_mm") if self.role == "ifd" else inputs
 
     def provenance(self) -> dict[str, str]:
-        """What identifies this build: SHA-256 of firmware file and calibration image, clock if not the image's."""
+        """What identifies this build: SHA-256 of firmware file and calibration image, clock if it was set."""
         clock = {} if self.clock_hz is None else {"clock_hz": str(self.clock_hz)}
         return {
             "ecu": self.role,
@@ -72,7 +70,7 @@ def build(
     elf: Path | None = None,
     clock_hz: int | None = None,
 ) -> Build:
-    """Load the parts of an ECU; the shipped calibration and image, and the image's clock, where none is named."""
+    """Load the parts of an ECU; the shipped calibration and image where none is named, the image's clock."""
     if role not in ROLES:
         raise TargetError(f"no ECU {role}; there are {', '.join(ROLES)}")
     if host not in HOSTS:

@@ -18,7 +18,8 @@ CALIBRATION_SYMBOL, ROOM_SYMBOL = "calibration_image", "calibration_room"
 class EmulatedEcu:
     """`image` with `calibration` on the MCU, powered at `power_on_ns`, on a bus of `bitrate` bit/s.
 
-    mcu: the machine itself, to look into and to tamper with. clock_hz: the CPU's clock, in place of the image's.
+    mcu: the machine itself, to look into and to tamper with. clock_hz: the CPU's clock, in place of the
+    image's.
     Raises CalibrationError if the image's calibration section is too small, FirmwareError if it has none,
     TargetError for a clock that cannot be set.
     """

@@ -4,21 +4,24 @@
 #include "frames.h"
 #include "tansig.h"
 
+/* The regressor k places into the window. */
 static void put(narx_state *s, uint32_t stride, uint32_t k, float value) {
     uint32_t at = s->newest + k;
     if (at >= stride) at -= stride;
     s->x[at] = s->x[at + stride] = value;
 }
 
+/* A row of regressors before the first step. */
+static void fill(narx_state *s, const calibration *c, uint32_t row, float value) {
+    float *x = &s->x[row * c->delays], *copy = x + calibration_stride(c);
+    for (uint32_t k = 0; k < c->delays; k++) x[k] = copy[k] = value;
+}
+
 void narx_init(narx_state *s, const calibration *c) {
-    uint32_t stride = calibration_stride(c);
-    float y = (c->initial_mm - c->out_offset) * c->out_scale;
-    for (uint32_t k = 0; k < stride; k++) {
-        uint32_t fed_back = k >= c->inputs * c->delays && k < (c->inputs + 1u) * c->delays;
-        s->newest = 0;
-        put(s, stride, k, fed_back ? y : 0.0f);
-    }
+    for (uint32_t k = 0; k < 2u * MAX_REGRESSORS; k++) s->x[k] = 0.0f;
+    fill(s, c, c->inputs, (c->initial_mm - c->out_offset) * c->out_scale);
     for (uint32_t i = 0; i <= MAX_SHIFT; i++) s->ahead[i] = c->initial_mm;
+    s->newest = 0;
     s->head = 0;
     s->primed = 0;
 }
@@ -49,18 +52,11 @@ static float scaled(const input_scaling *in, const float *channel) {
     return (channel[in->channel] - in->offset) * in->gain;
 }
 
-/* The first input has always been: no step at start. */
-static void prime(narx_state *s, const calibration *c, const float *channel) {
-    uint32_t stride = calibration_stride(c);
-    for (uint32_t i = 0; i < c->inputs; i++) {
-        float v = scaled(&c->input[i], channel);
-        for (uint32_t k = 0; k < c->delays; k++) put(s, stride, i * c->delays + k, v);
-    }
-    s->primed = 1;
-}
-
 float narx_step(narx_state *s, const calibration *c, const float *channel) {
-    if (!s->primed) prime(s, c, channel);
+    if (!s->primed) { /* the first input has always been: no step at start */
+        for (uint32_t i = 0; i < c->inputs; i++) fill(s, c, i, scaled(&c->input[i], channel));
+        s->primed = 1;
+    }
     float y = network(&s->x[s->newest], c);
     float predicted = y * c->out_gain + c->out_offset;
 
@@ -73,7 +69,7 @@ float narx_step(narx_state *s, const calibration *c, const float *channel) {
     if (c->feedback == FEEDBACK_MEASURED) y = (channel[CHANNEL_REAR_STROKE_MM] - c->out_offset) * c->out_scale;
     put(s, stride, k, y);
     k += d;
-    if (k < stride) put(s, stride, k, 0.0f); /* the oldest one has left */
+    if (k < stride) put(s, stride, k, 0.0f); /* no regressor grows into the padding */
 
     /* With shift k the network answers for k samples ahead: keep the answer until its instant. */
     s->ahead[s->head] = predicted;

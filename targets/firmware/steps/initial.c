@@ -10,11 +10,6 @@
 #include "../core/tansig.h"
 #include "exponential.h"
 
-#ifndef REAL
-#define REAL float
-#endif
-typedef REAL real;
-
 #ifdef WIDE
 typedef uint32_t counter;
 #else
@@ -27,26 +22,26 @@ typedef uint8_t counter;
 #define EACH(k, n) for (counter k = 0; k < (n); k++)
 #endif
 
-static real xd1[MAX_DELAYS][MAX_INPUTS]; /* delayed inputs, physical, the newest first */
-static real xd2[MAX_DELAYS];             /* delayed outputs, mm */
-static real x_offset[MAX_INPUTS], x_gain[MAX_INPUTS];
-static real y_offset, y_gain;
-static const real minimum = -1;
+static float xd1[MAX_DELAYS][MAX_INPUTS]; /* delayed inputs, physical, the newest first */
+static float xd2[MAX_DELAYS];             /* delayed outputs, mm */
+static float x_offset[MAX_INPUTS], x_gain[MAX_INPUTS];
+static float y_offset, y_gain;
+static const float minimum = -1.0f;
 
-static real tap1[MAX_INPUTS * MAX_DELAYS], tap2[MAX_DELAYS]; /* scaled, in the order of the weights */
-static real iw1[MAX_NEURONS][MAX_INPUTS * MAX_DELAYS], iw2[MAX_NEURONS][MAX_DELAYS];
-static real bias[MAX_NEURONS], lw[MAX_NEURONS];
+static float tap1[MAX_INPUTS * MAX_DELAYS], tap2[MAX_DELAYS]; /* scaled, in the order of the weights */
+static float iw1[MAX_NEURONS][MAX_INPUTS * MAX_DELAYS], iw2[MAX_NEURONS][MAX_DELAYS];
+static float bias[MAX_NEURONS], lw[MAX_NEURONS];
 #ifndef JAMMED
-static real c1[MAX_DELAYS][MAX_INPUTS], b1[MAX_DELAYS][MAX_INPUTS], p1[MAX_DELAYS][MAX_INPUTS];
-static real c2[MAX_DELAYS], b2[MAX_DELAYS];
-static real fv0[MAX_NEURONS], fv1[MAX_NEURONS];
+static float c1[MAX_DELAYS][MAX_INPUTS], b1[MAX_DELAYS][MAX_INPUTS], p1[MAX_DELAYS][MAX_INPUTS];
+static float c2[MAX_DELAYS], b2[MAX_DELAYS];
+static float fv0[MAX_NEURONS], fv1[MAX_NEURONS];
 #endif
 
-static real transfer(real n) {
+static float transfer(float n) {
 #ifdef SINGLE
     return tansig(n);
 #else
-    return ((real)2 / ((real)1 + (real)exponential((real)-2 * n))) - (real)1;
+    return (2.0f / (1.0f + (float)exponential(-2.0f * n))) - 1.0f;
 #endif
 }
 
@@ -79,23 +74,23 @@ static void scale(const calibration *c) {
 }
 
 /* y = LW tansig(IW1 x + IW2 y + b1) + b2 (Appendix.1) */
-static real network(const calibration *c) {
+static float network(const calibration *c) {
     counter taps = (counter)(c->inputs * c->delays);
-    real sum = 0;
+    float sum = 0.0f;
 #ifdef JAMMED
     EACH(n, c->neurons) {
-        real a = bias[n];
+        float a = bias[n];
         EACH(k, taps) { a += iw1[n][k] * tap1[k]; }
         EACH(k, c->delays) { a += iw2[n][k] * tap2[k]; }
         sum += lw[n] * transfer(a);
     }
 #else
     EACH(n, c->neurons) {
-        fv0[n] = 0;
+        fv0[n] = 0.0f;
         EACH(k, taps) { fv0[n] += iw1[n][k] * tap1[k]; }
     }
     EACH(n, c->neurons) {
-        fv1[n] = 0;
+        fv1[n] = 0.0f;
         EACH(k, c->delays) { fv1[n] += iw2[n][k] * tap2[k]; }
     }
     EACH(n, c->neurons) { sum += lw[n] * transfer((fv0[n] + fv1[n]) + bias[n]); }
@@ -141,12 +136,12 @@ float narx_step(narx_state *s, const calibration *c, const float *channel) {
         s->primed = 1;
     }
     scale(c);
-    real predicted = (network(c) - minimum) / y_gain + y_offset;
+    float predicted = (network(c) - minimum) / y_gain + y_offset;
 
     delay(c, channel);
-    xd2[0] = c->feedback == FEEDBACK_MEASURED ? (real)channel[CHANNEL_REAR_STROKE_MM] : predicted;
+    xd2[0] = c->feedback == FEEDBACK_MEASURED ? channel[CHANNEL_REAR_STROKE_MM] : predicted;
 
-    s->ahead[s->head] = (float)predicted;
+    s->ahead[s->head] = predicted;
     s->head = s->head == c->shift ? 0u : s->head + 1u;
     return s->ahead[s->head];
 }
