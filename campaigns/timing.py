@@ -41,8 +41,8 @@ LIMIT_US = 1000.0
 MARGIN = 0.1
 """Of the limit that the slowest step leaves at the lowest clock."""
 
-_PROFILED, _COMPARED = 12, 101
-"""Cycles of the logger that a profile and a comparison of practices take."""
+_PROFILED, _COMPARED = 10, 101
+"""Steps that a profile counts, and cycles of the logger that each practice is timed over."""
 
 
 @dataclass(frozen=True)
@@ -216,10 +216,12 @@ def ladder(frames: Schedule, base: Build) -> list[dict[str, Any]]:
 
 
 def profile(frames: Schedule, base: Build) -> Profile:
-    """Where the cycles of a step go, over the first steps of `frames` but the very first."""
+    """Where the cycles of a step go, over a few steps after the warm-up or, if shorter, the last of `frames`."""
     ecu: Any = base.power_on()
-    counted = Profile(ecu.mcu, skip=1)
-    failure = ride(_first(frames, _PROFILED), ecu, Watch(Codec(), base.role)).failure
+    cycles = int(frames.cycle[-1]) + 1
+    skip = max(1, min(base.calibration.detector.warmup + 1, cycles - _PROFILED))
+    counted = Profile(ecu.mcu, skip)
+    failure = ride(_first(frames, skip + _PROFILED), ecu, Watch(Codec(), base.role)).failure
     if failure:
         raise FirmwareError(f"{base.image.source}: {failure}")
     return counted

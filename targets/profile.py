@@ -22,7 +22,7 @@ class Profile:
     Slow: a call into Python for each basic block.
     """
 
-    def __init__(self, mcu: Stm32f405, pin: int = STEP_PIN, skip: int = 0) -> None:
+    def __init__(self, mcu: Stm32f405, skip: int = 0, pin: int = STEP_PIN) -> None:
         import unicorn
 
         self._image, self._mask, self._S = mcu.image, 1 << pin, mcu.state

@@ -115,7 +115,9 @@ def _profile(code: str, counted: Profile) -> dict[str, Any]:
         source = HERE / name
         texts = source.read_text(encoding="utf-8").splitlines() if name and source.is_file() else []
         text = texts[int(number) - 1].strip() if texts else ""
-        lines.append({"line": place, "cycles": cycles, "text": text})
+        # Libraries were compiled in folders of their own: ../../libgcc/config/arm/ieee754-sf.S
+        shown = "/".join(part for part in place.split("/") if part != "..")
+        lines.append({"line": shown, "cycles": cycles, "text": text})
     functions = [{"function": name, "cycles": cycles} for name, cycles in counted.by_function()]
     return {"code": code, "cycles": counted.total, "functions": functions, "lines": lines}
 

@@ -139,7 +139,7 @@ def test_code_that_is_too_slow_for_the_logger(base, frames):
 
 
 def test_profile(base, frames):
-    """The profile of the first steps leaves out the very first, and finds the network."""
+    """The profile of a short ride leaves out the first step alone, and finds the network."""
     counted = timing.profile(frames, base)
     assert counted.pulses == STEPS
     assert counted.by_function()[0][0] == "narx_step"
