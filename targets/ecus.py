@@ -26,13 +26,15 @@ DEFAULT_CALIBRATION = CALIBRATIONS / f"{DEFAULT_NAME}.json"
 class Build:
     """An ECU ready to be switched on: role, where it runs, firmware image and calibration.
 
-    Raises TargetError for a role or host that does not exist.
+    clock_hz: the emulated CPU's clock, in place of the image's. Raises TargetError for a role or host that
+    does not exist.
     """
 
     role: str
     host: str
     calibration: Calibration
     image: Image
+    clock_hz: int | None = None
 
     def power_on(self, bitrate: int = 500_000) -> Ecu:
         """A fresh ECU of this build, out of reset, on a bus of `bitrate` bit/s."""
@@ -42,7 +44,7 @@ class Build:
             return HostEcu(self.calibration, self.role)
         from targets.emulated import EmulatedEcu
 
-        return EmulatedEcu(self.image, self.calibration, self.role, bitrate=bitrate)
+        return EmulatedEcu(self.image, self.calibration, self.role, bitrate=bitrate, clock_hz=self.clock_hz)
 
     def needs(self) -> tuple[str, ...]:
         """The lap channels without which this ECU cannot answer."""
@@ -50,26 +52,34 @@ class Build:
         return (*inputs, "rear_stroke_mm") if self.role == "ifd" else inputs
 
     def provenance(self) -> dict[str, str]:
-        """What identifies this build: SHA-256 of firmware file and calibration image."""
+        """What identifies this build: SHA-256 of firmware file and calibration image, clock if it was set."""
+        clock = {} if self.clock_hz is None else {"clock_hz": str(self.clock_hz)}
         return {
             "ecu": self.role,
             "runs_on": self.host,
             "firmware_sha256": self.image.digest,
             "calibration_sha256": sha256(self.calibration.image()).hexdigest(),
+            **clock,
         }
 
 
 def build(
-    role: str = "ifd", host: str = "mcu", calibration: Path | None = None, elf: Path | None = None
+    role: str = "ifd",
+    host: str = "mcu",
+    calibration: Path | None = None,
+    elf: Path | None = None,
+    clock_hz: int | None = None,
 ) -> Build:
-    """Load the parts of an ECU; the shipped calibration and image where none is named."""
+    """Load the parts of an ECU; the shipped calibration and image where none is named, the image's clock."""
     if role not in ROLES:
         raise TargetError(f"no ECU {role}; there are {', '.join(ROLES)}")
     if host not in HOSTS:
         raise TargetError(f"no place {host} to run an ECU; there are {', '.join(HOSTS)}")
     if elf and host == "host":
         raise TargetError(f"{elf}: the host runs its own core, no image; leave out --elf or choose --on mcu")
-    return Build(role, host, load(calibration or DEFAULT_CALIBRATION), _image(elf or ELF[role]))
+    if clock_hz and host == "host":
+        raise TargetError(f"clock {clock_hz / 1e6:g} MHz: the host has no clock to set; choose --on mcu")
+    return Build(role, host, load(calibration or DEFAULT_CALIBRATION), _image(elf or ELF[role]), clock_hz)
 
 
 def calibration_of(name: str) -> Calibration:

@@ -7,6 +7,7 @@ import numpy as np
 from targets.calibration import Calibration
 from targets.ecu import Frame, Transmission
 from targets.errors import CalibrationError, FirmwareError, FirmwareFault
+from targets.firmware import clock
 from targets.mcu import bxcan, state
 from targets.mcu.image import FLASH, Image
 from targets.mcu.machine import TRANSMIT, Stm32f405
@@ -17,9 +18,10 @@ CALIBRATION_SYMBOL, ROOM_SYMBOL = "calibration_image", "calibration_room"
 class EmulatedEcu:
     """`image` with `calibration` on the MCU, powered at `power_on_ns`, on a bus of `bitrate` bit/s.
 
-    calibration: None for a firmware that has no section for it.
-    mcu: the machine itself, to look into and to tamper with.
-    Raises CalibrationError if the image's calibration section is too small, FirmwareError if it has none.
+    calibration: None for a firmware that has no section for it. clock_hz: the CPU's clock, in place of the
+    image's. mcu: the machine itself, to look into and to tamper with.
+    Raises CalibrationError if the image's calibration section is too small, FirmwareError if it has none,
+    TargetError for a clock that cannot be set.
     """
 
     def __init__(
@@ -29,6 +31,7 @@ class EmulatedEcu:
         name: str = "ifd",
         power_on_ns: int = -100_000_000,
         bitrate: int = 500_000,
+        clock_hz: int | None = None,
     ) -> None:
         self.name = name
         self.mcu = Stm32f405(image, power_on_ns)
@@ -36,6 +39,8 @@ class EmulatedEcu:
         self._waiting: list[Transmission] = []
         if calibration:
             self._calibrate(image, calibration)
+        if clock_hz is not None:
+            self.mcu.patch(image.symbol(clock.SYMBOL), clock.setting(clock_hz, bitrate).content())
 
     def _calibrate(self, image: Image, calibration: Calibration) -> None:
         content = calibration.image()

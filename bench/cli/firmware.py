@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bench.cli import firmware_image, firmware_timing
 from bench.cli.options import EcuName, Elf, Map, Model, Repair, SensorSeed, SensorsName
 
 if TYPE_CHECKING:
@@ -21,9 +22,9 @@ app = typer.Typer(
 )
 
 
-@app.callback()
-def _firmware() -> None:
-    """Keep `validate` a command of its own while it is the only one."""
+app.command()(firmware_image.build)
+app.command()(firmware_image.size)
+app.command()(firmware_timing.timing)
 
 
 @app.command()

@@ -3,20 +3,17 @@
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from targets.errors import FirmwareError
-from targets.firmware import ELF, HERE
+from targets.firmware import ELF, HERE, STEP_ELF
+from targets.firmware.variants import FINAL, LIBRARY_FLAGS, STEPS, Variant
 
 COMPILER = "arm-none-eabi-gcc"
 
-FLAGS = (
-    "-mcpu=cortex-m4",
-    "-mthumb",
-    "-mfloat-abi=hard",
-    "-mfpu=fpv4-sp-d16",
+COMMON_FLAGS = (
     "-std=c99",
-    "-O3",
     "-g",
     # Contraction to fused multiply-add would change the bits against the host and save 4 % of the time.
     "-ffp-contract=off",
@@ -26,24 +23,12 @@ FLAGS = (
     "-Wall",
     "-Wextra",
     "-Werror",
-    "-nostdlib",
-    "-Wl,--build-id=none",
 )
 
-SOURCES = (
-    "core/calibration.c",
-    "core/narx.c",
-    "core/residual.c",
-    "core/checks.c",
-    "core/ifd.c",
-    "core/ecu.c",
-    "stm32f405/startup.c",
-    "stm32f405/board.c",
-    "stm32f405/main.c",
-)
+LINK_FLAGS = ("-nostdlib", "-Wl,--build-id=none", "-T", "stm32f405/link.ld", "-lgcc")
 
 
-def build(role: str, out: Path) -> None:
+def build(role: str, out: Path, variant: Variant = FINAL) -> None:
     """Compile and link the image of `role` into the file `out`.
 
     Raises FirmwareError if there is no compiler or it refuses the sources.
@@ -51,17 +36,29 @@ def build(role: str, out: Path) -> None:
     compiler = shutil.which(COMPILER)
     if compiler is None:
         raise FirmwareError(f"no {COMPILER} on this machine: apt-get install gcc-arm-none-eabi")
+    # Relative names, compiled in the sources' folder: no path of the machine enters the debug data.
+    common = [compiler, *variant.machine, *COMMON_FLAGS, f"-ffile-prefix-map={HERE}=."]
     with tempfile.TemporaryDirectory() as folder:
+        objects = []
+        for source in variant.library:
+            objects.append(str(Path(folder) / f"{Path(source).stem}.o"))
+            _run([*common, *LIBRARY_FLAGS, "-c", source, "-o", objects[-1]])
         image = Path(folder) / "image.elf"
-        # Relative names, compiled in the sources' folder: no path of the machine enters the debug data.
-        command = [compiler, *FLAGS, f"-ffile-prefix-map={HERE}=.", f"-DROLE=ROLE_{role.upper()}", *SOURCES]
-        command += ["-T", "stm32f405/link.ld", "-lgcc", "-o", str(image)]
-        result = subprocess.run(command, cwd=HERE, capture_output=True, text=True, check=False)
-        if result.returncode:
-            raise FirmwareError(f"{COMPILER}: {result.stderr.strip().splitlines()[0]}")
+        command = [*common, *variant.flags, f"-DROLE=ROLE_{role.upper()}", *variant.sources]
+        _run([*command, *objects, *LINK_FLAGS, "-o", str(image)])
         shutil.copyfile(image, out)
+
+
+def _run(command: Sequence[str]) -> None:
+    result = subprocess.run(command, cwd=HERE, capture_output=True, text=True, check=False)
+    if result.returncode:
+        said = result.stderr.strip().splitlines()
+        raise FirmwareError(f"{COMPILER}: {next((line for line in said if 'error: ' in line), said[0])}")
 
 
 if __name__ == "__main__":
     for name, path in ELF.items():
         build(name, path)
+    for name, path in STEP_ELF.items():
+        if name != "final":
+            build("ifd", path, STEPS[name])

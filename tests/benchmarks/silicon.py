@@ -77,7 +77,8 @@ def main() -> None:
                 f"{symbol:32} {rounds!s:6} {wait_states}  {cycles:8}  {found.cycles:6} {bounds:12} "
                 f"{off:+4} ({100 * off / cycles:+.1f} %)"
             )
-    print(f"mean absolute difference {100 * sum(errors) / len(errors):.2f} %, worst {100 * max(errors):.2f} %")
+    mean = sum(errors) / len(errors)
+    print(f"mean absolute difference {100 * mean:.2f} %, worst {100 * max(errors):.2f} %")
 
 
 if __name__ == "__main__":

@@ -5,8 +5,11 @@
 #include "calibration.h"
 
 typedef struct {
-    /* Regressors, newest first in each row of `delays`: the inputs' rows, then the fed-back stroke's. */
-    float x[MAX_REGRESSORS];
+    /* Regressors, newest first in each row of `delays`: the inputs' rows, the fed-back stroke's, zeros up to the
+     * stride; from x[newest] on. One step down the array makes every one of them a sample older. Each is stored
+     * twice, a stride apart, so that they are always in one piece. */
+    float x[2u * MAX_REGRESSORS];
+    uint32_t newest;
     float ahead[MAX_SHIFT + 1u]; /* predictions waiting for their instant, mm */
     uint32_t head;
     uint32_t primed; /* the delay lines have seen an input */

@@ -10,7 +10,18 @@ float residual_step(residual_state *s, const calibration *c, float predicted_mm,
 
     /* E_mean,L(i) = 1/L_s sum_k |(y_p - y_m) / y_m|. Summed anew each step: a running sum would drift. */
     float sum = 0.0f;
-    for (uint32_t k = 0; k < c->window; k++) sum += s->deviation[k];
+    const float *d = s->deviation;
+    for (uint32_t k = c->window / 4u; k != 0u; k--) {
+        float a = d[0], b = d[1];
+        sum += a;
+        a = d[2];
+        sum += b;
+        b = d[3];
+        sum += a;
+        d += 4;
+        sum += b;
+    }
+    for (uint32_t k = c->window & 3u; k != 0u; k--) sum += *d++;
     return sum / (float)c->window;
 }
 

@@ -4,10 +4,20 @@
 
 #include "../core/ecu.h"
 
-/* 22 MHz from an 8 MHz crystal (section V.5.2), CAN pins, step pin, cycle counter. */
+/* What decides the CPU's frequency, and what depends on it: register words. */
+typedef struct {
+    uint32_t pllcfgr; /* RCC: the PLL, from an 8 MHz crystal */
+    uint32_t cfgr;    /* RCC: SYSCLK from the PLL, divisors of AHB and APB */
+    uint32_t acr;     /* flash: wait states, prefetch, caches */
+    uint32_t btr;     /* CAN: the bit */
+} board_clock;
+
+extern const volatile board_clock clock_setting;
+
+/* Clock, CAN pins, step pin, cycle counter. */
 void board_init(void);
 
-/* bxCAN at 500 kbit/s, letting in the messages of `need` (a bit each), receiving by interrupt. */
+/* bxCAN, letting in the messages of `need` (a bit each), receiving by interrupt. */
 void can_init(uint32_t need);
 
 /* Queues a frame, waiting for a mailbox if all three are taken. */

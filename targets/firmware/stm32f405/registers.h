@@ -16,6 +16,9 @@
 #define RCC_CR_HSERDY (1u << 17)
 #define RCC_CR_PLLON (1u << 24)
 #define RCC_CR_PLLRDY (1u << 25)
+#define RCC_CFGR_SW 3u
+#define RCC_CFGR_SWS 0xCu
+#define RCC_CFGR_SWS_PLL 8u
 
 /* Flash interface, section 3.9 */
 #define FLASH_ACR REG(0x40023C00u)

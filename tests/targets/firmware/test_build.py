@@ -7,7 +7,8 @@ import subprocess
 import pytest
 
 from targets.errors import FirmwareError
-from targets.firmware import ELF, HERE, build
+from targets.firmware import ELF, HERE, STEP_ELF, build
+from targets.firmware.variants import LADDER, STEPS
 from targets.mcu.image import FLASH, load
 
 CALIBRATION, SECTOR = 0x0800C000, 16 * 1024
@@ -27,6 +28,31 @@ def test_shipped_images_are_what_the_sources_make(same_gcc, tmp_path, role):
     """Building a role gives the shipped image, byte for byte."""
     build.build(role, tmp_path / "image.elf")
     assert (tmp_path / "image.elf").read_bytes() == ELF[role].read_bytes()
+
+
+@pytest.mark.parametrize("code", ["initial", "compiler"])
+def test_shipped_steps_are_what_the_sources_make(same_gcc, tmp_path, code):
+    """Building the code of a step of the procedure gives its shipped image, byte for byte."""
+    build.build("ifd", tmp_path / "image.elf", STEPS[code])
+    assert (tmp_path / "image.elf").read_bytes() == STEP_ELF[code].read_bytes()
+
+
+def test_every_practice_compiles(arm_gcc, tmp_path):
+    """The code with every practice that is a macro compiles without a warning, and is another one."""
+    build.build("ifd", tmp_path / "down.elf", LADDER["down"])
+    build.build("ifd", tmp_path / "fpu.elf", LADDER["fpu"])
+    assert load(tmp_path / "down.elf").flash != load(tmp_path / "fpu.elf").flash
+
+
+def test_library_is_compiled_alike_in_every_step(same_gcc):
+    """The exponential is the same code in steps 2 and 3: a library does not follow the program's options."""
+    codes = []
+    for code in ("initial", "compiler"):
+        image = load(STEP_ELF[code])
+        start = image.symbol("exponential")
+        end = min(address for address, _ in image.functions if address > start)
+        codes.append(end - start)
+    assert codes[0] == codes[1] > 100
 
 
 def test_where_it_is_built_does_not_matter(same_gcc, tmp_path, monkeypatch):
@@ -88,4 +114,4 @@ def test_program_needs_no_library_and_no_data(role):
     assert elf.get_section_by_name(".dynamic") is None
     symbols = load(ELF[role]).symbols
     assert symbols["data_start"] == symbols["data_end"]
-    assert symbols["bss_end"] - symbols["bss_start"] < 4096
+    assert symbols["bss_end"] - symbols["bss_start"] < 5 * 1024
