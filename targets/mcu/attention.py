@@ -4,8 +4,8 @@ Most blocks find none of them set. Anything that wants the run loop's attention 
 """
 
 from targets.jit import njit
-from targets.mcu import exceptions, faults, native, preemption
-from targets.mcu.state import ATTEND, CPACR, FPCCR, FPU_WATCH, SET_UP, STACK, WAITING, State
+from targets.mcu import exceptions, faults, memory, preemption
+from targets.mcu.state import ATTEND, CPACR, FPCCR, FPU_WATCH, SET_UP, WAITING, State
 
 STOP = 1  # stop at the next block
 MASKED = 2  # an exception is pending behind a mask register
@@ -52,22 +52,14 @@ def _find_fp(S: State, at: int, size: int) -> bool:
     """Whether the block has an instruction for the FPU: then they all get a hook before it runs."""
     end = at + size
     while at < end:
-        first = halfword(S, at)
+        first = memory.halfword(S, at)
         if first < 0xE800:
             at += 2
             continue
         # Coprocessor instructions (ARMv7-M A5.3.18), of which 10 and 11 are the FPU's.
-        if first & 0xEC00 == 0xEC00 and halfword(S, at + 2) >> 8 & 0xE == 0xA:
+        if first & 0xEC00 == 0xEC00 and memory.halfword(S, at + 2) >> 8 & 0xE == 0xA:
             S[SET_UP] |= faults.FPU_OFF
             S[FPU_WATCH] = BY_INSTRUCTION
             return True
         at += 4
     return False
-
-
-@njit(cache=True)
-def halfword(S: State, address: int) -> int:
-    """A halfword of memory, -1 if there is none."""
-    if native.read_memory(S, address, STACK, 2):
-        return -1
-    return S[STACK] & 0xFFFF

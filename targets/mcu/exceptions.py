@@ -7,7 +7,7 @@ rest is done here. Belongs here: one exception in, one out. Never: which one is 
 from unicorn import arm_const as arm
 
 from targets.jit import njit
-from targets.mcu import faulting, faults, native, nvic, preemption
+from targets.mcu import faulting, faults, memory, native, nvic, preemption
 from targets.mcu.faulting import REG_LR, REG_R0, REG_SP, REG_XPSR
 from targets.mcu.preemption import NMI, REG_CONTROL, REG_FAULTMASK, REG_IPSR
 from targets.mcu.state import (
@@ -27,7 +27,6 @@ from targets.mcu.state import (
     PC,
     SCR,
     SLEEPING,
-    STACK,
     TAIL_CYCLES,
     THUMB,
     VTOR,
@@ -122,19 +121,19 @@ def _push(S: State) -> int:
     sp -= size + align
     thread = S[ACTIVE_DEPTH] == 0
     xpsr = native.get_register(S, REG_XPSR) & ~(0x1FF | T_BIT) | nvic.current(S) | S[THUMB] << 24
-    for k in range(4):
-        _put(S, k, native.get_register(S, REG_R0 + k))
-    _put(S, 4, native.get_register(S, REG_R12))
-    _put(S, 5, native.get_register(S, REG_LR))
-    _put(S, 6, S[PC])
-    _put(S, 7, xpsr & ~ALIGNED | (ALIGNED if align else 0))
-    if fp:
+    frame = memory.writable(S, sp, size)
+    if frame:
+        for k in range(4):
+            native.poke(frame + 4 * k, native.get_register(S, REG_R0 + k))
+        native.poke(frame + 16, native.get_register(S, REG_R12))
+        native.poke(frame + 20, native.get_register(S, REG_LR))
+        native.poke(frame + 24, S[PC])
+        native.poke(frame + 28, xpsr & ~ALIGNED | (ALIGNED if align else 0))
+    if frame and fp:
         # Lazy stacking would write these later, and the same: nothing changes them before their first use.
         for k in range(16):
-            _put(S, 8 + k, native.get_register(S, REG_S0 + k))
-        _put(S, 24, native.get_register(S, REG_FPSCR))
-        _put(S, 25, 0)
-    refused = native.write_memory(S, sp, STACK, size)
+            native.poke(frame + BASIC_FRAME + 4 * k, native.get_register(S, REG_S0 + k))
+        native.poke(frame + BASIC_FRAME + 64, native.get_register(S, REG_FPSCR))
     native.set_register(S, REG_SP, sp)
     if fp:
         _defer_fp(S, sp, thread)
@@ -143,7 +142,7 @@ def _push(S: State) -> int:
         lr |= TO_HANDLER
     else:
         lr |= TO_PROCESS if control & SPSEL else TO_MAIN
-    return -lr if refused else lr
+    return lr if frame else -lr
 
 
 @njit(cache=True)
@@ -179,7 +178,13 @@ def _handler_mode(S: State, exception: int) -> None:
     xpsr = native.get_register(S, REG_XPSR)
     native.set_register(S, REG_XPSR_ALL, xpsr & ~(0x1FF | IT_BITS) | exception | T_BIT)
     native.set_register(S, REG_CONTROL, control & NPRIV)
-    # Rebuilds what the engine derives from mode and privilege when it translates.
+    if control & NPRIV:
+        _rebuild(S, xpsr)
+
+
+@njit(cache=True)
+def _rebuild(S: State, xpsr: int) -> None:
+    """Writing the flags makes the engine derive anew what it translates by, privilege among it."""
     native.set_register(S, REG_FLAGS, xpsr)
 
 
@@ -189,7 +194,8 @@ def _thread_mode(S: State, control: int, xpsr: int) -> None:
     native.set_register(S, REG_CONTROL, 0)
     native.set_register(S, REG_XPSR_ALL, xpsr & ~0x1FF)
     native.set_register(S, REG_CONTROL, control)
-    native.set_register(S, REG_FLAGS, xpsr)
+    if control & NPRIV:
+        _rebuild(S, xpsr)
 
 
 @njit(cache=True)
@@ -234,56 +240,42 @@ def _pop(S: State, lr: int) -> None:
     size = FP_FRAME if fp else BASIC_FRAME
     register = REG_PSP if lr & 0xF == TO_PROCESS else REG_MSP
     sp = native.get_register(S, register)
-    if native.read_memory(S, sp, STACK, size):
+    frame = memory.readable(S, sp, size)
+    if frame == memory.NOWHERE:
         _refuse(S, faults.UNSTACKING, sp, lr)
         return
-    xpsr = _take(S, 7)
+    xpsr = native.peek(frame + 28)
     if (xpsr & 0x1FF == 0) != (lr & 0xF != TO_HANDLER):
         _refuse(S, faults.INVALID_RETURN, lr, lr)
         return
     for k in range(4):
-        native.set_register(S, REG_R0 + k, _take(S, k))
-    native.set_register(S, REG_R12, _take(S, 4))
-    native.set_register(S, REG_LR, _take(S, 5))
-    _go(S, _take(S, 6) & 0xFFFFFFFE, xpsr >> 24 & 1)
+        native.set_register(S, REG_R0 + k, native.peek(frame + 4 * k))
+    native.set_register(S, REG_R12, native.peek(frame + 16))
+    native.set_register(S, REG_LR, native.peek(frame + 20))
+    _go(S, native.peek(frame + 24) & 0xFFFFFFFE, xpsr >> 24 & 1)
     if fp:
-        _restore_fp(S)
+        _restore_fp(S, frame + BASIC_FRAME)
     align = 4 if xpsr & ALIGNED and (fp or S[CCR] & STKALIGN) else 0
     native.set_register(S, register, sp + size + align)
     # The engine takes a step in ARM state for an invalid instruction: THUMB holds the T bit.
     xpsr = xpsr & ~ALIGNED | T_BIT
     active = FPCA if fp else 0
+    npriv = native.get_register(S, REG_CONTROL) & NPRIV
     if lr & 0xF == TO_HANDLER:
         native.set_register(S, REG_XPSR_ALL, xpsr)
-        native.set_register(S, REG_CONTROL, native.get_register(S, REG_CONTROL) & NPRIV | active)
-        native.set_register(S, REG_FLAGS, xpsr)
+        native.set_register(S, REG_CONTROL, npriv | active)
     else:
-        npriv = native.get_register(S, REG_CONTROL) & NPRIV
         _thread_mode(S, npriv | active | (SPSEL if lr & 0xF == TO_PROCESS else 0), xpsr)
     charge(S, S[EXIT_CYCLES])
 
 
 @njit(cache=True)
-def _restore_fp(S: State) -> None:
+def _restore_fp(S: State, saved: int) -> None:
     """With the context still waiting to be stacked the registers hold it themselves."""
     if S[FPCCR] & LSPACT:
         S[FPCCR] &= ~LSPACT
         return
     for k in range(16):
-        native.set_register(S, REG_S0 + k, _take(S, 8 + k))
-    native.set_register(S, REG_FPSCR, _take(S, 24))
+        native.set_register(S, REG_S0 + k, native.peek(saved + 4 * k))
+    native.set_register(S, REG_FPSCR, native.peek(saved + 64))
     charge(S, FP_CONTEXT_CYCLES)
-
-
-@njit(cache=True)
-def _put(S: State, word: int, value: int) -> None:
-    slot, high = STACK + word // 2, word & 1
-    if high:
-        S[slot] = S[slot] & 0xFFFFFFFF | value << 32
-    else:
-        S[slot] = value & 0xFFFFFFFF
-
-
-@njit(cache=True)
-def _take(S: State, word: int) -> int:
-    return S[STACK + word // 2] >> (32 * (word & 1)) & 0xFFFFFFFF

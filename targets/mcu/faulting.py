@@ -6,7 +6,7 @@ The kinds are in `faults`. Belongs here: from a kind to the exception to be take
 from unicorn import arm_const as arm
 
 from targets.jit import njit
-from targets.mcu import faults, native, nvic, preemption
+from targets.mcu import faults, memory, native, nvic, preemption
 from targets.mcu.clock import now_ns
 from targets.mcu.preemption import (
     BUS_FAULT,
@@ -34,7 +34,6 @@ from targets.mcu.state import (
     MMFAR,
     ON_FAULT,
     PC,
-    STACK,
     VTOR,
     State,
 )
@@ -53,15 +52,13 @@ NO_VECTOR = -1
 @njit(cache=True)
 def vector(S: State, exception: int) -> int:
     """The entry of `exception` in the vector table, NO_VECTOR if that lies outside memory."""
-    if native.read_memory(S, S[VTOR] + 4 * exception, STACK, 4):
-        return NO_VECTOR
-    return S[STACK] & 0xFFFFFFFF
+    return memory.word(S, S[VTOR] + 4 * exception)
 
 
 @njit(cache=True)
 def is_dead_end(S: State, handler: int) -> bool:
     """Whether a handler is an endless loop: a program's way to say that it expects no such exception."""
-    return native.read_memory(S, handler & ~1, STACK, 2) == 0 and S[STACK] & 0xFFFF == BRANCH_TO_SELF
+    return memory.halfword(S, handler & ~1) == BRANCH_TO_SELF
 
 
 @njit(cache=True)

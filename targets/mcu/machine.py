@@ -72,6 +72,8 @@ class Stm32f405:
         self._sram = _aligned(SRAM_SIZE)
         self._ccm = _aligned(CCM_SIZE)
         self.state = state.allocate()
+        for k, (address, content) in enumerate(((FLASH, self.flash), (SRAM, self._sram), (CCM, self._ccm))):
+            self.state[state.MEMORIES + 3 * k :][:3] = (address, len(content), content.ctypes.data)
         self._breakpoints: list[int] = []
         self._engine = _engine(self)
         for address, content in image.ram:

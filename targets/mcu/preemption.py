@@ -63,32 +63,35 @@ def active_priority(S: State) -> int:
 
 
 @njit(cache=True)
-def mask_register(S: State, register: int) -> int:
-    """PRIMASK, BASEPRI or FAULTMASK. Unprivileged code reads them as 0, and so does the engine for it."""
-    unprivileged = native.get_register(S, REG_CONTROL) & 1 and nvic.current(S) == 0
+def masks(S: State) -> tuple[int, int, int]:
+    """FAULTMASK, PRIMASK and BASEPRI. Unprivileged code reads them as 0, and the engine does so for it."""
+    unprivileged = S[ACTIVE_DEPTH] == 0 and native.get_register(S, REG_CONTROL) & 1
     if unprivileged:
         native.set_register(S, REG_IPSR, HARD_FAULT)
-    value = native.get_register(S, register)
+    faultmask = native.get_register(S, REG_FAULTMASK)
+    primask = native.get_register(S, REG_PRIMASK)
+    basepri = native.get_register(S, REG_BASEPRI)
     if unprivileged:
         native.set_register(S, REG_IPSR, 0)
-    return value
+    return faultmask & 1, primask & 1, basepri
 
 
 @njit(cache=True)
 def mask_priority(S: State, primask: bool) -> int:
     """What the mask registers boost the execution priority to; PRIMASK counts if `primask`."""
-    if mask_register(S, REG_FAULTMASK) & 1:
+    faults, interrupts, base = masks(S)
+    if faults:
         return -1
-    if primask and mask_register(S, REG_PRIMASK) & 1:
+    if primask and interrupts:
         return 0
-    base = mask_register(S, REG_BASEPRI)
     return group(S, base) if base else IDLE
 
 
 @njit(cache=True)
 def disabled(S: State) -> bool:
     """Whether PRIMASK or FAULTMASK keeps every interrupt away."""
-    return bool(mask_register(S, REG_PRIMASK) & 1 or mask_register(S, REG_FAULTMASK) & 1)
+    faults, interrupts, _ = masks(S)
+    return faults + interrupts > 0
 
 
 @njit(cache=True)

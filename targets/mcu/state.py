@@ -14,7 +14,7 @@ State = NDArray[np.int64]
 # Engine
 UC = 0  # unicorn's handle
 SELF = 1  # address of this array
-FN_START, FN_STOP, FN_REG_READ, FN_REG_WRITE, FN_MEM_READ, FN_MEM_WRITE = range(2, 8)
+FN_START, FN_STOP, FN_REG_READ, FN_REG_WRITE = range(2, 6)
 SCRATCH = 8  # one register passing through
 
 # Time. CPU cycles since reset; nanoseconds follow from the clock of the moment.
@@ -94,9 +94,6 @@ CAN_LOST = 456  # frames that no filter let in, or that came while the controlle
 UNMODELLED = 464
 UNMODELLED_MAX = 64
 
-# Stack frame in transit: 26 words of 32 bits
-STACK = 600
-
 # 1024..1279: core and system
 COUNT = 1025  # instructions to run before stopping, 0 for any number
 BREAK_PASSED = 1026  # address of a breakpoint that does not stop this once
@@ -145,6 +142,9 @@ FAULT_EXCEPTION = 1102
 FAULT_COUNT = 1103
 FAULT_ACCESS = 1104
 FAULT_REGISTERS = 1105  # seventeen
+
+# Where memories lie on the host: three of first address, size, host address; the first of them is the flash
+MEMORIES = 1124
 
 # 1280..1535: bxCAN
 # 1536..3071: other devices

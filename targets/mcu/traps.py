@@ -11,8 +11,9 @@ from unicorn import unicorn_const as uc
 
 from targets.jit import cfunc, njit
 from targets.mcu import exceptions, faulting, faults, native, preemption
-from targets.mcu.attention import halfword, has_fpu
+from targets.mcu.attention import has_fpu
 from targets.mcu.faulting import REG_R0, REG_XPSR
+from targets.mcu.memory import halfword
 from targets.mcu.preemption import SV_CALL
 from targets.mcu.state import (
     ACCESS,
