@@ -3,7 +3,6 @@
 An instruction in an IT block counts whether or not its condition held: it passes through the pipeline.
 """
 
-import ctypes
 from typing import Any
 
 import numpy as np
@@ -37,7 +36,7 @@ class Counter:
     def __init__(self, mcu: Stm32f405) -> None:
         self._mcu = mcu
         self._table = np.zeros(2 * SLOTS + 1, dtype=np.int64)
-        mcu.watch_blocks(on_block.address, ctypes.c_void_p(self._table.ctypes.data))
+        mcu.watch_blocks(on_block.address, self._table)
 
     def begin(self) -> None:
         """Count from here."""

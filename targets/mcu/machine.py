@@ -41,6 +41,7 @@ class Stm32f405:
 
     def __init__(self, image: Image, power_on_ns: int = 0) -> None:
         self.image = image
+        self._watching: list[NDArray[np.int64]] = []
         self.flash = _aligned(CODE_SIZE, fill=0xFF)
         self.flash[: len(image.flash)] = np.frombuffer(image.flash, dtype=np.uint8)
         self._sram = _aligned(SRAM_SIZE)
@@ -130,11 +131,16 @@ class Stm32f405:
         """Unicorn itself, for memory beside that of the real MCU."""
         return self._engine
 
-    def watch_blocks(self, callback: int, user: ctypes.c_void_p) -> None:
-        """Have the C function at `callback` called for each basic block, too, once its time is charged."""
+    def watch_blocks(self, callback: int, memory: NDArray[np.int64]) -> None:
+        """Have the C function at `callback` called for each basic block, too, once its time is charged.
+
+        memory: what it is given; it is kept as long as the machine.
+        """
         import unicorn
         from unicorn.unicorn_py3 import unicorn as binding
 
+        self._watching.append(memory)
+        user = ctypes.c_void_p(memory.ctypes.data)
         _hook(binding.uclib, self._engine, unicorn.UC_HOOK_BLOCK, callback, user)
 
     def patch(self, address: int, data: bytes) -> None:
