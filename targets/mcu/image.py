@@ -9,7 +9,7 @@ from pathlib import Path
 from targets.errors import FirmwareError
 from targets.mcu import attributes, dwarf, elf, loading
 from targets.mcu.loading import Contents, Spans
-from targets.mcu.memory_map import ALIAS, FLASH, FLASH_SIZE, ends_in_ram, in_flash
+from targets.mcu.memory_map import FLASH, FLASH_SIZE, ends_in_ram, in_flash
 
 VECTORS_ALIGNMENT = 512
 """Of a table with the STM32F405's 98 entries (ARMv7-M B1.5.3)."""
@@ -50,21 +50,25 @@ class Image:
 
     def function_at(self, address: int) -> str:
         """The function that holds `address`, '' if it is unknown."""
+        if not (0 <= in_flash(address) - FLASH < len(self.flash) or dwarf.inside(self.ram_code, address)):
+            return ""
+        return self._function_before(address) or self._function_before(in_flash(address))
+
+    def _function_before(self, address: int) -> str:
         k = bisect_right(self.functions, address, key=lambda function: function[0]) - 1
-        known = 0 <= in_flash(address) - FLASH < len(self.flash) or dwarf.inside(self.ram_code, address)
-        return self.functions[k][1] if k >= 0 and known else ""
+        return self.functions[k][1] if k >= 0 else ""
 
     def word(self, address: int) -> int | None:
         """The 32-bit word loaded at `address`, None where nothing is."""
-        content = self.loaded(address)
-        return int.from_bytes(content[:4], "little") if len(content) >= 4 else None
+        content = self.loaded(address, 4)
+        return int.from_bytes(content, "little") if len(content) == 4 else None
 
-    def loaded(self, address: int) -> bytes:
-        """What is loaded from `address` on, empty where nothing is."""
+    def loaded(self, address: int, most: int = 1) -> bytes:
+        """Up to `most` bytes of what is loaded from `address` on, empty where nothing is."""
         for base, content in ((FLASH, self.flash), *self.ram):
             at = in_flash(address) - base
             if 0 <= at < len(content):
-                return content[at:]
+                return content[at : at + most]
         return b""
 
     @cached_property
@@ -72,13 +76,12 @@ class Image:
         """Source lines of all code, from DWARF; empty if the file has none."""
         if not self.file:
             return dwarf.Lines([], [], [])
-        aliased = [(a - FLASH + ALIAS, b - FLASH + ALIAS) for a, b in self.code]
-        spans = (*aliased, *self.code, *self.ram_code)
-        return dwarf.lines(elf.read(self.file, self.source), tuple(sorted(spans)))
+        file = elf.read(self.file, self.source)
+        return dwarf.lines(file, loading.spans(file, elf.symbols(file, self.source))[0])
 
     def line_at(self, address: int) -> str:
         """`file:line` of the instruction at `address`, '' if it is unknown."""
-        return self.lines.at(address)
+        return self.lines.at(address) or self.lines.at(in_flash(address))
 
 
 def load(path: Path, vectors: int | None = FLASH) -> Image:

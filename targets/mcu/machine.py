@@ -67,6 +67,7 @@ class Stm32f405:
         self._division_hooks: list[int] = []
         self._fp_hooks: list[int] = []
         self._stepping = False
+        self._watching: list[NDArray[np.int64]] = []
         self.flash = _aligned(CODE_SIZE, fill=0xFF)
         self.flash[: len(image.flash)] = np.frombuffer(image.flash, dtype=np.uint8)
         self._sram = _aligned(SRAM_SIZE)
@@ -166,11 +167,15 @@ class Stm32f405:
         """Unicorn itself, for memory beside that of the real MCU."""
         return self._engine
 
-    def watch_blocks(self, callback: int, user: ctypes.c_void_p) -> None:
-        """Have the C function at `callback` called for each basic block, too, once its time is charged."""
+    def watch_blocks(self, callback: int, memory: NDArray[np.int64]) -> None:
+        """Have the C function at `callback` called for each basic block, too, once its time is charged.
+
+        memory: what it is given; it is kept as long as the machine.
+        """
         import unicorn
 
-        _hook(self._engine, unicorn.UC_HOOK_BLOCK, callback, user)
+        self._watching.append(memory)
+        _hook(self._engine, unicorn.UC_HOOK_BLOCK, callback, ctypes.c_void_p(memory.ctypes.data))
 
     @property
     def now_ns(self) -> int:

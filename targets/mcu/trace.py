@@ -3,7 +3,6 @@
 A block's instant is the one at its end, as everywhere in the emulator: its time is charged at once.
 """
 
-import ctypes
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,7 +60,7 @@ class Trace:
         self._first = _HEAD + len(starts)
         self._table[:_HEAD] = state.as_pointer(mcu.state), 0, len(starts)
         self._table[_HEAD : self._first] = starts
-        mcu.watch_blocks(on_block.address, ctypes.c_void_p(self._table.ctypes.data))
+        mcu.watch_blocks(on_block.address, self._table)
 
     def take(self) -> tuple[list[Step], int]:
         """What has come since the last time, and how many more there was no room for."""

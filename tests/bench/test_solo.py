@@ -59,6 +59,13 @@ def test_one_frame_has_no_period():
     assert Sent(1, 5, 5, b"").period_ns is None
 
 
+def test_many_frames_one_after_the_other_are_no_flood():
+    """What has been sent does not wait any more."""
+    tally = Tally()
+    run(Beats(), TimedBus(500_000), 100 * MS, tally)
+    assert tally.by_id[0x77].frames == 99
+
+
 def test_flood_is_refused():
     """An ECU that asks without end ends the run, by name."""
 

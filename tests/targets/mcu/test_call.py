@@ -208,6 +208,13 @@ def test_interruption_by_looks_at_the_user_changes_nothing(caller, monkeypatch):
     assert whole.instructions == 2 * 1000 + 1
 
 
+def test_call_after_one_that_slept(caller):
+    """A call begins awake, whatever the one before came to."""
+    with pytest.raises(FirmwareFault, match="sleeps"):
+        caller.call("sleep", [], limit_cycles=1000)
+    assert caller.call("nothing", []).instructions == 1
+
+
 def test_limit_is_of_one_call(caller):
     """Earlier calls do not use up a later one's cycles."""
     for _ in range(5):

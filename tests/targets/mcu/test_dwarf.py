@@ -66,6 +66,8 @@ def test_versions_of_dwarf(arm_gcc, tmp_path, version, packed):
     addresses = range(FLASH, FLASH + len(image.flash), 2)
     ours = [image.line_at(address) for address in addresses]
     assert {"f.c:4", "f.c:5", "deep/sink.h:3"} <= set(ours)
+    assert image.line_at(0) == ours[0]  # through the alias
+    assert image.lines.at(0) == ""  # where the dropped function's lines would be
     theirs = addr2line(tmp_path / "f.elf", addresses)
     assert [line.removeprefix(f"{tmp_path}/").removeprefix("./") for line in theirs] == ours
 

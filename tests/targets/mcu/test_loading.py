@@ -78,13 +78,13 @@ def test_outside_memory(part, named):
 
 @pytest.mark.parametrize(
     ("one", "two"),
-    [((FLASH, None), (FLASH + 15, None)), ((FLASH, None), (8, None)), ((SRAM, None), (SRAM + 4, None))],
-    ids=["flash", "alias", "sram"],
+    [(FLASH, FLASH + 15), (FLASH, 8), (0, FLASH + 8), (SRAM, SRAM + 4)],
+    ids=["flash", "alias-second", "alias-first", "sram"],
 )
 def test_overlap(one, two):
     """Two contents for one address are refused, through the alias of flash, too."""
     with pytest.raises(FirmwareError, match="segments overlap at 0x"):
-        bare(Part(".a", one[0], bytes(16)), Part(".b", two[0], bytes(16)))
+        bare(Part(".a", one, bytes(16)), Part(".b", two, bytes(16)))
 
 
 def test_overlays_may_share_their_run_address():
@@ -122,11 +122,13 @@ def test_code_spans_follow_the_mapping_symbols():
     marks = (
         *(Symbol("$t", FLASH, NOTYPE), Symbol("$d.1", FLASH + 4, NOTYPE), Symbol("$a", FLASH + 8, NOTYPE)),
         *(Symbol("$t.2", FLASH + 12, NOTYPE), Symbol("$t", SRAM, NOTYPE), Symbol("$d", SRAM + 2, NOTYPE)),
+        Symbol("fast", SRAM + 1),
     )
     loaded = bare(CODE, Part(".fast", SRAM, bytes(8), flags=DATA), symbols=marks)
     assert loaded.code == ((FLASH, FLASH + 4), (FLASH + 12, FLASH + 16))
     assert loaded.arm_code == ((FLASH + 8, FLASH + 12),)
     assert loaded.ram_code == ((SRAM, SRAM + 2),)
+    assert (loaded.function_at(SRAM), loaded.function_at(SRAM + 2)) == ("fast", "")
     assert "$t" not in loaded.symbols
 
 
@@ -152,6 +154,7 @@ def test_function_at():
     loaded = bare(CODE, symbols=symbols)
     found = [loaded.function_at(FLASH + at) for at in (0, 6, 8, 14)]
     assert found == ["default_handler", "default_handler", "kernel", "kernel"]
+    assert loaded.function_at(8) == "kernel"  # through the alias
     assert loaded.function_at(FLASH + 16) == ""
 
 

@@ -1,5 +1,7 @@
 """The trace: which functions are entered, which blocks run, when, in order, and what there is no room for."""
 
+import gc
+
 import numpy as np
 import pytest
 
@@ -69,3 +71,13 @@ def test_tracing_takes_no_time(mcu):
     for each in (mcu, plain):
         each.run(50_000)
     assert mcu.cycles == plain.cycles
+
+
+def test_trace_that_nobody_holds_does_no_harm(mcu):
+    """A machine keeps what its hooks write to, whatever becomes of the trace."""
+    kept = len(mcu._watching)
+    Trace(mcu)
+    gc.collect()
+    assert len(mcu._watching) == kept + 1
+    mcu.run(10_000)
+    assert mcu._watching[-1][1] > 0  # steps counted
