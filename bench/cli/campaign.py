@@ -106,7 +106,8 @@ def run(
     outputs = campaign_run.Outputs(json_out, html_out, csv_out, parquet_out, junit_out, ftti)
     resuming = context.info_name == "resume"
     where = campaign_run.executor(workers, cluster)
-    outputs.check()
+    path = store or Path(f"{Path(name).stem}.sqlite")
+    outputs.check(path)
     plan = load(name)
     own = Laps(laps, map_file, repair) if laps else None
     if not isinstance(plan, RoadPlan | OfflineCampaign | NarxGrid):
@@ -119,7 +120,6 @@ def run(
         raise CampaignError(f"{name}: takes none of --laps, --model and --html")
     if junit_out and not isinstance(plan, RoadPlan):
         raise CampaignError(f"{name}: --junit is for road trials: no other campaign judges single runs")
-    path = store or Path(f"{Path(name).stem}.sqlite")
     if resuming and not path.exists():
         raise CampaignError(f"{path}: no such store to go on with")
     if sensors:
@@ -162,7 +162,7 @@ def report(
     from campaigns.store import Store
 
     outputs = campaign_run.Outputs(json_out, html_out, csv_out, parquet_out, junit_out, ftti)
-    outputs.check()
+    outputs.check(store, *([against] if against else []))
     if against is None:
         if tolerance is not None:
             raise CampaignError("--tolerance goes with --against")
