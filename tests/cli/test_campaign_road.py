@@ -8,13 +8,10 @@ from contextlib import closing
 
 import pytest
 
-from bench.laps.files import write_lap
-from bench.plant.motorcycle import load_motorcycle
-from bench.plant.ride import ride
-from bench.plant.route import load_route
 from campaigns.store import Store
 from targets.host import library
 from tests.campaigns.synthetic import frame, road_store, row
+from tests.conftest import simulated_laps
 
 PLAN = """
 title = "Small trial"
@@ -54,10 +51,7 @@ def plan(tmp_path, monkeypatch):
 @pytest.fixture(scope="module")
 def laps(tmp_path_factory):
     """Two laps of one's own, 8 s long."""
-    folder = tmp_path_factory.mktemp("laps")
-    for seed in (1, 2):
-        write_lap(ride(load_route("mixed_5km"), load_motorcycle(), seed, 8.0), folder / f"{seed}.parquet")
-    return folder
+    return simulated_laps(tmp_path_factory.mktemp("laps"), "mixed_5km", 8.0)
 
 
 def run(bench, plan, *more):
@@ -206,7 +200,13 @@ def test_offline_campaign(bench, plan, tmp_path):
         (("run", "small.toml", "--workers", 0), "--workers is 0; it must be at least 1"),
         (("run", "small.toml", "--model", "none.json"), "none.json: no such file"),
         (("run", "small.toml", "--cluster", "tcp://127.0.0.1:1"), "127.0.0.1:1"),
-        (("run", "offline.toml", "--junit", "x.xml"), "--junit is for road trials"),
+        (("run", "offline.toml", "--junit", "x.xml"), "a campaign of kind offline takes no --junit"),
+        (
+            ("run", "offline.toml", "--on", "mcu", "--ftti", 1),
+            "of kind offline takes no --on, --ftti",
+        ),
+        (("run", "small.toml", "--repair"), "--map and --repair go with --laps"),
+        (("resume", "narx_performance"), "narx_performance: keeps no store to go on with"),
         (("report", "none.sqlite"), "none.sqlite: no such file"),
         (("report", "small.toml"), "small.toml"),
     ],
