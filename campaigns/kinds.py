@@ -150,4 +150,4 @@ def _or_inf(value: Any) -> Any:
 
 def lap_file(path: Path, lap: Lap) -> LapFile:
     """What a campaign keeps of a lap of one's own."""
-    return LapFile(path.name, lap.digest(), lap.duration_ns / 1e9)
+    return LapFile(path.name, lap.digest(), lap.duration_ns / 1e9, tuple(lap.channels))

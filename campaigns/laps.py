@@ -5,6 +5,7 @@ Belongs here: what identifies a lap, riding it. Never: a fault, how a file is re
 
 from dataclasses import dataclass
 
+from bench.errors import LapError
 from bench.laps.lap import Lap
 from bench.plant.motorcycle import Motorcycle, carrying, load_motorcycle
 from bench.plant.ride import ride
@@ -43,10 +44,19 @@ class Simulated:
 
 @dataclass(frozen=True)
 class Recorded:
-    """A lap in a file; sha256 is the lap's own digest, whatever its format."""
+    """A lap in a file; sha256 is the lap's own digest, whatever its format.
+
+    Raises LapError for a name that a store cannot keep.
+    """
 
     file: str
     sha256: str
+
+    def __post_init__(self) -> None:
+        try:
+            self.file.encode()
+        except UnicodeEncodeError:
+            raise LapError(f"{self.file!a}: the file's name is no text, and cannot be kept") from None
 
     def document(self) -> Document:
         """All that decides the lap; the folder it lies in does not."""

@@ -162,9 +162,11 @@ class Measured:
 
 def performance(plan: NarxPerformance, narx: Narx, test: Sequence[Lap] | None, tell: Tell) -> Measured:
     """`narx` on unseen laps, the plan's or `test`, beside the half-car sensor and the best constant."""
-    tell("riding the training laps")
     sensors, machine = load_sensors(plan.sensors), load_motorcycle(plan.training.motorcycle)
     inputs = tuple(dict.fromkeys((*narx.inputs, "fork_stroke_mm", "pitch_rate_dps")))
+    for lap in test or ():
+        lap.require((*inputs, narx.output), "the soft sensors compared")
+    tell("riding the training laps")
     training = sequences(ridden(plan.training), sensors, inputs)
     tell("riding the test laps")
     laps = list(test) if test else ridden(plan.test)

@@ -16,6 +16,7 @@ from typing import Any
 
 from bench.errors import FaultError
 from bench.faults.spec import parse_fault
+from bench.printable import printable
 from campaigns.statistics import Rate, Times, alarm_rate_bound, mean_and_deviation, middle, times
 from campaigns.store import Document, Row
 
@@ -86,7 +87,7 @@ def count(rows: Iterable[Row], outcome: str) -> int:
 def lap_name(lap: Document, road: bool = True) -> str:
     """A lap in a few words: its file, or its seed and, unless told not to, route and motorcycle."""
     if "file" in lap:
-        return str(lap["file"])
+        return printable(str(lap["file"]))
     return f"seed {lap['seed']}" + (f", {lap['route']}, {lap['motorcycle']}" if road else "")
 
 

@@ -19,7 +19,6 @@ from targets.baselines import Baseline
 from targets.calibration import Calibration
 from targets.checks import KINDS, first_alarm
 from targets.detector import Checks
-from targets.errors import CalibrationError
 
 Floats = NDArray[np.float64]
 CHECKS = "second detector"
@@ -72,10 +71,8 @@ def rivals(calibration: Calibration) -> dict[str, ChecksRival | BaselineRival]:
         return {}
     found: dict[str, ChecksRival | BaselineRival] = {CHECKS: ChecksRival(checks)}
     for name, table in calibration.baselines.items():
-        try:
-            found[TITLES[name]] = BaselineRival(baselines.read(name, table), checks.warmup)
-        except (KeyError, ValueError) as error:
-            raise CalibrationError(f"baselines: {error}") from None
+        baseline = baselines.read(name, table)
+        found[TITLES[name]] = BaselineRival(baseline, checks.warmup)
     return found
 
 

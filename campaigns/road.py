@@ -1,13 +1,15 @@
 """A road plan's trials: which lap, which fault, which instant, which ECU. Rides none."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from bench.errors import LapError
 from bench.faults.spec import parse_fault
 from bench.sensors.datasheets import load_sensors
+from bench.sensors.transducers import TRANSDUCERS
 from campaigns.errors import CampaignError
 from campaigns.laps import Recorded, Simulated
 from campaigns.outcomes import number
@@ -22,11 +24,18 @@ PERIOD_MS = 10
 
 @dataclass(frozen=True)
 class LapFile:
-    """A lap of one's own: its file's name in the folder, the lap's digest, and how long it is."""
+    """A lap of one's own: its file's name in the folder, the lap's digest, how long it is, what it has."""
 
     file: str
     sha256: str
     duration_s: float
+    channels: tuple[str, ...]
+
+    def require(self, names: Iterable[str], who: str) -> None:
+        """Raise LapError naming the channels that `who` needs and this lap lacks."""
+        missing = [name for name in names if name not in self.channels]
+        if missing:
+            raise LapError(f"{self.file}: missing {', '.join(missing)}, needed by {who}")
 
 
 class Builds:
@@ -72,7 +81,8 @@ def expand(
     files: laps of one's own instead of simulated ones: each is ridden once without a fault, and in turn with
     one; where: how `RoadWork` reads them. Every condition has laps of its own; the points of a sweep share
     theirs, so that they can be compared. Raises CampaignError for a lap that ends before the faults come,
-    FaultError, RouteError and SensorError for what cannot be inserted, ridden and measured with.
+    LapError for one that lacks a channel, FaultError, RouteError and SensorError for what cannot be inserted,
+    ridden and measured with.
     """
     for name in LAP_PARAMETERS:
         if files and name in plan.sweep:
@@ -99,6 +109,7 @@ def expand(
                 Trial(condition, parameters, lap, sensors, seed, spec, build, ecu, plan.td_max_s, plan.ftti_s)
             )
     _check_parts(trials)
+    _check_channels(files, trials, builds.all)
     return trials, RoadWork(tuple(builds.all), **where)
 
 
@@ -108,6 +119,15 @@ def _check_parts(trials: Sequence[Trial]) -> None:
         lap.parts()
     for name in dict.fromkeys(trial.sensors for trial in trials):
         load_sensors(name)
+
+
+def _check_channels(files: Sequence[LapFile], trials: Sequence[Trial], builds: Sequence[Build]) -> None:
+    faults = dict.fromkeys((t.condition, parse_fault(t.fault).sensor) for t in trials if t.fault and files)
+    for file in files:
+        for build in builds:
+            file.require(build.needs(), f"ecu {build.role}")
+        for condition, sensor in faults:
+            file.require((TRANSDUCERS[sensor].channel,), f"fault {condition}")
 
 
 def _lap(

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+from bench.printable import printable
 from campaigns.narx import Cell, Measured
 from campaigns.narx_plan import NarxGrid
 from campaigns.soft_sensor import WASHOUT, Predictor, pairs, performance
@@ -133,6 +134,7 @@ def chapter_iii() -> dict[str, dict[str, float]]:
 
 def each_run_table(measured: Measured) -> "Table":
     """RMSE of every predictor on every run."""
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(title="RMSE of each ride left out, mm", title_justify="left")
@@ -144,5 +146,5 @@ def each_run_table(measured: Measured) -> "Table":
         cells = [
             f"{measures.rmse(predictor.predictions[k][WASHOUT:], y):.2f}" for predictor in measured.predictors
         ]
-        table.add_row(source, *cells)
+        table.add_row(escape(printable(source)), *cells)
     return table

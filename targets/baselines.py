@@ -4,26 +4,32 @@ Both look at the log ratio of measured and predicted stroke, like the second det
 at design time: no ECU runs them. Each is one figure a sample that is compared with one limit.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from targets.checks import log_ratios
-from targets.detector import Detector
+from targets.detector import Detector, check, within
+from targets.errors import CalibrationError
 from targets.jit import njit
 
 Floats = NDArray[np.float64]
+
+WHO = "a baseline"
 
 
 @dataclass(frozen=True)
 class Persistence:
     """|log ratio| above `limit` for `samples` on end (debouncing, as ECUs do it)."""
 
-    samples: int
-    limit: float = 0.0
-    floor_mm: float = 5.0
+    samples: int = within(1, 10_000)
+    limit: float = within(0.0, 1e6, 0.0)
+    floor_mm: float = within(1e-3, 1e3, 5.0)
+
+    def __post_init__(self) -> None:
+        check(self, WHO)
 
     def figure(self, predicted: Floats, measured: Floats) -> Floats:
         """The least |log ratio| of the last `samples`, (T,)."""
@@ -34,9 +40,12 @@ class Persistence:
 class Cusum:
     """Page's cumulative sum of the log ratio to either side, less `drift` a sample, above `limit`."""
 
-    drift: float
-    limit: float = 0.0
-    floor_mm: float = 5.0
+    drift: float = within(0.0, 1e3)
+    limit: float = within(0.0, 1e6, 0.0)
+    floor_mm: float = within(1e-3, 1e3, 5.0)
+
+    def __post_init__(self) -> None:
+        check(self, WHO)
 
     def figure(self, predicted: Floats, measured: Floats) -> Floats:
         """The larger of both sums, (T,)."""
@@ -47,10 +56,13 @@ class Cusum:
 class Residual:
     """The thesis's detector, its threshold tuned like the others' instead of its n."""
 
-    window: int
-    multiple: int
-    limit: float = 0.0
-    floor_mm: float = 0.1
+    window: int = within(1, 128)
+    multiple: int = within(1, 10_000)
+    limit: float = within(0.0, 1e6, 0.0)
+    floor_mm: float = within(1e-6, 1e3, 0.1)
+
+    def __post_init__(self) -> None:
+        check(self, WHO)
 
     def figure(self, predicted: Floats, measured: Floats) -> Floats:
         """The least E_mean,L (V.1) of the last n windows, (T,)."""
@@ -80,16 +92,16 @@ def document(baseline: Baseline) -> dict[str, Any]:
 
 
 def read(name: str, table: dict[str, Any]) -> Baseline:
-    """A baseline from plain data. Raises ValueError for what is none."""
-    numbers: dict[str, Any] = {
-        key: value
-        for key, value in table.items()
-        if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e9
-    }
+    """A baseline from plain data. Raises CalibrationError for what is none."""
+    if name not in KINDS:
+        raise CalibrationError(f"baseline {name!r} is none of {', '.join(KINDS)}")
     try:
-        return KINDS[name](**numbers)
-    except (KeyError, TypeError):
-        raise ValueError(f"no baseline {name}: {table}") from None
+        return KINDS[name](**table)
+    except TypeError:  # a setting too many or too few
+        known = ", ".join(setting.name for setting in fields(KINDS[name]))
+        raise CalibrationError(f"baseline {name} has {', '.join(table) or 'nothing'}, not {known}") from None
+    except CalibrationError as error:
+        raise CalibrationError(f"baseline {name}: {error}") from None
 
 
 @njit(cache=True)

@@ -3,7 +3,7 @@
 Belongs here: what can be set, and within which bounds. Never: what a detector does with it.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, ClassVar, TypeGuard
 
 from targets.errors import CalibrationError
@@ -16,14 +16,15 @@ def is_number(value: object) -> TypeGuard[int | float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 3e38
 
 
-def _within(low: float, high: float, default: float) -> Any:
-    """A setting with what the firmware takes of it."""
+def within(low: float, high: float, default: Any = MISSING) -> Any:
+    """A setting with what can be taken of it."""
     return field(default=default, metadata={"bounds": (low, high)})
 
 
-def _check(detector: "AnyDetector") -> None:
-    for setting in fields(detector):
-        value = getattr(detector, setting.name)
+def check(settings: Any, who: str = "the ECU") -> None:
+    """Raise CalibrationError for a setting of the wrong kind, or not within what `who` takes."""
+    for setting in fields(settings):
+        value = getattr(settings, setting.name)
         if setting.type is str and not isinstance(value, str):
             raise CalibrationError(f"{setting.name} is {value!r}, not a word")
         if setting.type is int and not (is_number(value) and isinstance(value, int)):
@@ -31,11 +32,15 @@ def _check(detector: "AnyDetector") -> None:
         if setting.type is float:
             if not is_number(value):
                 raise CalibrationError(f"{setting.name} is {value!r}, not a finite number")
-            object.__setattr__(detector, setting.name, float(value))
-    for setting in fields(detector):
-        value, bounds = getattr(detector, setting.name), setting.metadata.get("bounds")
+            object.__setattr__(settings, setting.name, float(value))
+    for setting in fields(settings):
+        value, bounds = getattr(settings, setting.name), setting.metadata.get("bounds")
         if bounds and not bounds[0] <= value <= bounds[1]:
-            raise CalibrationError(f"{setting.name} is {value}, the ECU takes {bounds[0]} to {bounds[1]}")
+            raise CalibrationError(f"{setting.name} is {value}, {who} takes {bounds[0]} to {bounds[1]}")
+
+
+def _check(detector: "AnyDetector") -> None:
+    check(detector)
     if detector.feedback not in FEEDBACKS:
         raise CalibrationError(f"feedback {detector.feedback!r} is neither predicted nor measured")
 
@@ -49,12 +54,12 @@ class Detector:
     Raises CalibrationError for what the firmware does not take.
     """
 
-    threshold: float = _within(0.0, 1e6, 0.10)
-    window: int = _within(1, 128, 20)
-    multiple: int = _within(1, 10_000, 5)
+    threshold: float = within(0.0, 1e6, 0.10)
+    window: int = within(1, 128, 20)
+    multiple: int = within(1, 10_000, 5)
     feedback: str = "predicted"
-    warmup: int = _within(0, 1_000_000, 200)
-    floor_mm: float = _within(1e-6, 1e3, 0.1)
+    warmup: int = within(0, 1_000_000, 200)
+    floor_mm: float = within(1e-6, 1e3, 0.1)
 
     TYPE: ClassVar[str] = "residual"
 
@@ -76,20 +81,20 @@ class Checks:
     """
 
     feedback: str = "predicted"
-    warmup: int = _within(0, 1_000_000, 200)
-    rail_steps: int = _within(1, 10_000, 3)
-    repeat_steps: int = _within(1, 10_000, 10)
-    hold_window: int = _within(2, 128, 50)
-    loss_window: int = _within(1, 512, 200)
-    heal_steps: int = _within(1, 10_000, 100)
-    rail_low_mm: float = _within(-1e3, 1e3, 0.0134)
-    rail_high_mm: float = _within(-1e3, 1e3, 109.98)
-    rail_gap_mm: float = _within(0.0, 1e3, 10.0)
-    repeat_motion_mm: float = _within(0.0, 1e3, 1.0)
-    hold_ratio: float = _within(0.0, 1.0, 0.2)
-    still_mm: float = _within(0.0, 1e2, 1.0)
-    loss_threshold: float = _within(0.0, 1.0, 0.07)
-    loss_floor_mm: float = _within(1e-3, 1e3, 5.0)
+    warmup: int = within(0, 1_000_000, 200)
+    rail_steps: int = within(1, 10_000, 3)
+    repeat_steps: int = within(1, 10_000, 10)
+    hold_window: int = within(2, 128, 50)
+    loss_window: int = within(1, 512, 200)
+    heal_steps: int = within(1, 10_000, 100)
+    rail_low_mm: float = within(-1e3, 1e3, 0.0134)
+    rail_high_mm: float = within(-1e3, 1e3, 109.98)
+    rail_gap_mm: float = within(0.0, 1e3, 10.0)
+    repeat_motion_mm: float = within(0.0, 1e3, 1.0)
+    hold_ratio: float = within(0.0, 1.0, 0.2)
+    still_mm: float = within(0.0, 1e2, 1.0)
+    loss_threshold: float = within(0.0, 1.0, 0.07)
+    loss_floor_mm: float = within(1e-3, 1e3, 5.0)
 
     TYPE: ClassVar[str] = "checks"
 

@@ -72,12 +72,6 @@ class HostEcu:
         """The host core has no program counter."""
         return ""
 
-    def last(self) -> tuple[float, float]:
-        """Prediction in mm and relative residual of the last step, before they were packed."""
-        predicted, residual = ctypes.c_float(), ctypes.c_float()
-        self._core.host_last(self._ecu, ctypes.byref(predicted), ctypes.byref(residual))
-        return predicted.value, residual.value
-
     def _post(self, t_ns: int) -> None:
         out = self._out
         self._handle += 1

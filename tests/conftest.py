@@ -7,7 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.laps.files import write_lap
 from bench.laps.lap import Lap
+from bench.plant.motorcycle import load_motorcycle
+from bench.plant.ride import ride
+from bench.plant.route import load_route
 from targets.calibration import Calibration, Detector
 from targets.emulated import EmulatedEcu
 from targets.firmware import ELF
@@ -66,6 +70,13 @@ def wavy_lap(seconds: float = 3.0, names: tuple[str, ...] = (), seed: int = 5) -
         "acc_body_ms2": wave(0, 10),
     }
     return Lap(t_ns, {name: channels[name] for name in names or channels})
+
+
+def simulated_laps(folder: Path, route: str, seconds: float, seeds: tuple[int, ...] = (1, 2)) -> Path:
+    """Laps of the default motorcycle as files of a folder, SEED.parquet each."""
+    for seed in seeds:
+        write_lap(ride(load_route(route), load_motorcycle(), seed, seconds), folder / f"{seed}.parquet")
+    return folder
 
 
 @pytest.fixture(scope="session")

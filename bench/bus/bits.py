@@ -6,9 +6,6 @@ Stuffed, clause 10.5: start of frame, identifier, RTR (with SRR and IDE), IDE, r
 Not stuffed: CRC delimiter, ACK slot and delimiter, seven bits of end of frame.
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
 from targets.jit import njit
 
 TAIL_BITS = 10
@@ -62,23 +59,6 @@ def _bits(identifier, extended, length, high, low):  # type: ignore[no-untyped-d
     return count + TAIL_BITS
 
 
-@njit(
-    "int64[::1](int64[::1], boolean[::1], int64[::1], uint8[:, ::1])",
-    cache=True,
-)
-def _bits_of_all(identifiers, extended, lengths, payload):  # type: ignore[no-untyped-def]  # signature above
-    counts = np.empty(len(identifiers), dtype=np.int64)
-    for k in range(len(identifiers)):
-        high, low = np.int64(0), np.int64(0)
-        for byte in range(min(lengths[k], payload.shape[1])):
-            if byte < 4:
-                high |= np.int64(payload[k, byte]) << (24 - 8 * byte)
-            else:
-                low |= np.int64(payload[k, byte]) << (56 - 8 * byte)
-        counts[k] = _bits(identifiers[k], extended[k], lengths[k], high, low)
-    return counts
-
-
 def frame_bits(identifier: int, data: bytes, extended: bool = False) -> int:
     """Bits from start of frame to end of frame of one data frame, without the intermission."""
     length = len(data)
@@ -86,35 +66,6 @@ def frame_bits(identifier: int, data: bytes, extended: bool = False) -> int:
     return _bits(identifier, extended, length, word >> 32, word & 0xFFFFFFFF)
 
 
-def frames_bits(
-    identifiers: NDArray[np.integer],
-    payload: NDArray[np.uint8],
-    lengths: NDArray[np.integer] | None = None,
-    extended: NDArray[np.bool_] | None = None,
-) -> NDArray[np.int64]:
-    """Bits of many frames, int64 (frames,): `frame_bits` of each.
-
-    identifiers: integers (frames,). payload: uint8 (frames, bytes). lengths: data bytes of each frame, all of
-    `payload`'s columns if None. extended: bool (frames,), none if None.
-    """
-    frames = len(identifiers)
-    if lengths is None:
-        lengths = np.full(frames, payload.shape[1])
-    if extended is None:
-        extended = np.zeros(frames, dtype=np.bool_)
-    return _bits_of_all(
-        np.ascontiguousarray(identifiers, dtype=np.int64),
-        np.ascontiguousarray(extended, dtype=np.bool_),
-        np.ascontiguousarray(lengths, dtype=np.int64),
-        np.ascontiguousarray(payload, dtype=np.uint8),
-    )
-
-
 def shortest_bits(length: int, extended: bool = False) -> int:
     """Bits of a frame of `length` data bytes that needs no stuff bit: 8n + 44, or 8n + 64 if extended."""
     return 8 * length + (64 if extended else 44)
-
-
-def longest_bits(length: int, extended: bool = False) -> int:
-    """Bits of a frame that needs a stuff bit after every fourth bit: floor((34 + 8n - 1) / 4) more, or 54."""
-    return shortest_bits(length, extended) + ((54 if extended else 34) + 8 * length - 1) // 4

@@ -50,6 +50,17 @@ ParquetOut = Annotated[
 ]
 JunitOut = Annotated[Path | None, typer.Option("--junit", metavar="OUT", help="Write verdicts as JUnit XML.")]
 
+_NO_ECU = ("--on", "--ftti", "--junit")
+_NO_STORE = ("--cluster", "--store", "--fail-fast", "--csv", "--parquet")
+NOT_TAKEN = {
+    "road": (),
+    "offline": _NO_ECU,
+    "narx_grid": (*_NO_ECU, "--laps", "--map", "--repair", "--model", "--html"),
+    "narx_performance": (*_NO_ECU, *_NO_STORE),
+    "narx_leave_one_out": (*_NO_ECU, *_NO_STORE, "--model"),
+}
+"""Kind of a campaign -> the options that mean nothing to it."""
+
 
 @app.command("list")
 def list_() -> None:
@@ -97,33 +108,32 @@ def run(
     """
     from bench.cli import campaign_run, campaign_soft_sensor
     from campaigns.errors import CampaignError
-    from campaigns.narx_plan import NarxGrid
-    from campaigns.offline_plan import OfflineCampaign
+    from campaigns.narx_plan import NarxLeaveOneOut, NarxPerformance
     from campaigns.plan import load
-    from campaigns.road_plan import RoadPlan
     from campaigns.store import Store
 
     outputs = campaign_run.Outputs(json_out, html_out, csv_out, parquet_out, junit_out, ftti)
     resuming = context.info_name == "resume"
     where = campaign_run.executor(workers, cluster)
-    outputs.check()
+    path = store or Path(f"{Path(name).stem}.sqlite")
+    outputs.check(path)
     plan = load(name)
+    wrong = [option for option in NOT_TAKEN[plan.kind] if option in _given(context)]
+    if wrong:
+        raise CampaignError(f"{name}: a campaign of kind {plan.kind} takes no {', '.join(wrong)}")
+    if (map_file or repair) and not laps:
+        raise CampaignError("--map and --repair go with --laps")
     own = Laps(laps, map_file, repair) if laps else None
-    if not isinstance(plan, RoadPlan | OfflineCampaign | NarxGrid):
-        if resuming or store or cluster or fail_fast or csv_out or parquet_out or junit_out:
-            raise CampaignError(f"{name}: takes --laps, --model, --workers, --json and --html alone")
+    if sensors and not isinstance(plan, NarxLeaveOneOut):
+        plan = plan.model_copy(update={"sensors": sensors})
+    if isinstance(plan, NarxPerformance | NarxLeaveOneOut):
+        if resuming:
+            raise CampaignError(f"{name}: keeps no store to go on with")
         count = campaign_run.processes(workers)
         write_json(json_out, campaign_soft_sensor.run(name, plan, own, model, sensors, count, html_out))
         return
-    if isinstance(plan, NarxGrid) and (laps or model or html_out):
-        raise CampaignError(f"{name}: takes none of --laps, --model and --html")
-    if junit_out and not isinstance(plan, RoadPlan):
-        raise CampaignError(f"{name}: --junit is for road trials: no other campaign judges single runs")
-    path = store or Path(f"{Path(name).stem}.sqlite")
     if resuming and not path.exists():
         raise CampaignError(f"{path}: no such store to go on with")
-    if sensors:
-        plan = plan.model_copy(update={"sensors": sensors})
     ready = campaign_run.prepared(Path(name).stem, plan, model, on, own, workers)
     with Store.open(path, ready.campaign) as kept:
         ran = campaign_run.carry_out(ready, kept, where, fail_fast)
@@ -162,7 +172,7 @@ def report(
     from campaigns.store import Store
 
     outputs = campaign_run.Outputs(json_out, html_out, csv_out, parquet_out, junit_out, ftti)
-    outputs.check()
+    outputs.check(store, *([against] if against else []))
     if against is None:
         if tolerance is not None:
             raise CampaignError("--tolerance goes with --against")
@@ -173,3 +183,13 @@ def report(
         raise CampaignError("--against takes --tolerance, --json and --html alone")
     with Store.read(store) as found, Store.read(against) as before:
         campaign_run.compare(found, before, outputs, tolerance)
+
+
+def _given(context: typer.Context) -> set[str]:
+    """The options on the command line."""
+    found: set[str] = set()
+    for parameter in context.command.params:
+        source = context.get_parameter_source(str(parameter.name))
+        if source is not None and source.name == "COMMANDLINE":
+            found.update(parameter.opts)
+    return found

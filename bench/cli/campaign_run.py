@@ -36,9 +36,10 @@ class Outputs:
     junit: Path | None = None
     ftti_s: float | None = None
 
-    def check(self) -> None:
-        """Refuse before any work what could not be written after it."""
+    def check(self, *stores: Path) -> None:
+        """Refuse before any work what could not be written after it, and what would overwrite `stores`."""
         from bench.whole import check_writable
+        from campaigns.errors import CampaignError
 
         if self.ftti_s is not None and not 0 < self.ftti_s < math.inf:
             raise BenchError(f"--ftti is {self.ftti_s:g}; it must be more than 0")
@@ -49,6 +50,9 @@ class Outputs:
             from bench.cli.page import check_target
 
             check_target(self.html, ())
+        for path in (self.json, self.html, self.csv, self.parquet, self.junit):
+            if path and path.resolve() in [store.resolve() for store in stores]:
+                raise CampaignError(f"{path}: is the store itself")
 
 
 def processes(workers: int | None) -> int:
@@ -121,6 +125,7 @@ def report(store: Store, outputs: Outputs) -> None:
     from bench.cli.campaign_page import campaign_page
     from bench.cli.page import write_page
     from campaigns import export, kinds
+    from campaigns.errors import CampaignError
     from campaigns.junit import write_junit
     from campaigns.reading import frame_of, plan_of, rows_of
     from campaigns.road_plan import FAULT_FREE, RoadPlan
@@ -130,7 +135,7 @@ def report(store: Store, outputs: Outputs) -> None:
     rows = rows_of(store, plan)
     road = isinstance(plan, RoadPlan)
     if outputs.junit and not road:
-        raise BenchError("--junit is for road trials")
+        raise CampaignError(f"{store.path}: --junit is for road trials")
     tables = kinds.tables(plan, rows, outputs.ftti_s)
     # an offline campaign's thousands of trials are in its store, its tables hold what they come to
     document = export.document(store.campaign, tables, rows if road else [])
@@ -172,13 +177,14 @@ def compare(after: Store, before: Store, outputs: Outputs, tolerance_s: float | 
     from bench.cli.page import write_page
     from campaigns import export
     from campaigns.differences import TOLERANCE_S, difference_tables, differences
+    from campaigns.errors import CampaignError
     from campaigns.reading import frame_of, plan_of, rows_of
 
     names = before.path.name, after.path.name
     first, second = (rows_of(store, plan_of(store)) for store in (before, after))
     found = differences(first, second, TOLERANCE_S if tolerance_s is None else tolerance_s)
     if not found["matched"]:
-        raise BenchError(f"{after.path}: has no trial in common with {before.path}, whatever their ECUs")
+        raise CampaignError(f"{after.path}: has no trial in common with {before.path}, whatever their ECUs")
     page = ""
     if outputs.html:
         before_by_id, after_by_id = ({row.id: row for row in rows} for rows in (first, second))

@@ -37,6 +37,7 @@ def run(
 def performance(plan: NarxPerformance, laps: Laps | None, model: str | None, html_out: Path | None) -> Any:
     """Measure a network on unseen laps beside the half-car sensor, and print section III.4's figures."""
     from rich.console import Console
+    from rich.markup import escape
 
     from bench.cli.progress import counted_progress
     from campaigns.narx import performance as measure
@@ -49,7 +50,7 @@ def performance(plan: NarxPerformance, laps: Laps | None, model: str | None, htm
         measured = measure(plan, narx, test, advance)
     rows = figures(measured.predictors, measured.data)
     console = Console()
-    console.print(f"[bold]{plan.title}[/]: {plan.stands_for}", highlight=False)
+    console.print(f"[bold]{escape(plan.title)}[/]: {escape(plan.stands_for)}", highlight=False)
     title = f"{len(measured.sources)} unseen laps"
     console.print(performance_table(rows, title, chapter_iii()), highlight=False)
     _page(html_out, plan.title, measured, performance_table(rows, title, chapter_iii()))
@@ -61,6 +62,7 @@ def leave_one_out(
 ) -> Any:
     """Train on all rides but one and predict that one, each in turn, beside a linear filter as long."""
     from rich.console import Console
+    from rich.markup import escape
 
     from bench.cli.progress import counted_progress
     from campaigns.narx import leave_one_out as train_each
@@ -71,7 +73,7 @@ def leave_one_out(
         measured = train_each(plan, rides, sensors, workers, advance)
     rows = figures(measured.predictors, measured.data)
     console = Console()
-    console.print(f"[bold]{plan.title}[/], inputs {', '.join(measured.data.inputs)}", highlight=False)
+    console.print(f"[bold]{escape(plan.title)}[/], inputs {', '.join(measured.data.inputs)}", highlight=False)
     console.print(each_run_table(measured), highlight=False)
     console.print(performance_table(rows, "all rides, each predicted by what it was left out of"))
     _page(html_out, plan.title, measured, each_run_table(measured))

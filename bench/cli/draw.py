@@ -9,6 +9,8 @@ import math
 import sys
 from typing import TYPE_CHECKING, NamedTuple
 
+from bench.printable import printable
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -52,8 +54,7 @@ def style_for(ascii_only: bool = False) -> Style:
 def plain(text: str) -> str:
     """A name as the output can show it: what it cannot carry, and what would steer a terminal, is escaped."""
     encoding = sys.stdout.encoding or "ascii"
-    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-    return shown.encode(encoding, "backslashreplace").decode(encoding)
+    return printable(text).encode(encoding, "backslashreplace").decode(encoding)
 
 
 def unit_of(channel: str) -> str:

@@ -28,14 +28,16 @@ def read(path: Path, channel_map: ChannelMap | None = None) -> Recording:
         return can_csv.read(path, channel_map)
     rows = wanted(names, channel_map, str(path))
     try:
-        table = pa.csv.read_csv(
-            path,
-            # Threads would not survive a fork of the campaign's workers.
-            read_options=pa.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=1),
-            convert_options=pa.csv.ConvertOptions(
-                column_types=dict.fromkeys(rows, pa.float64()), null_values=[], include_columns=list(rows)
-            ),
-        )
+        # Opened here: Arrow takes no name that is not UTF-8.
+        with path.open("rb") as file:
+            table = pa.csv.read_csv(
+                file,
+                # Threads would not survive a fork of the campaign's workers.
+                read_options=pa.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=1),
+                convert_options=pa.csv.ConvertOptions(
+                    column_types=dict.fromkeys(rows, pa.float64()), null_values=[], include_columns=list(rows)
+                ),
+            )
     except pa.ArrowException as error:
         _explain(path, names, rows)
         raise LapError(f"{path}: {' '.join(str(error).split())}") from None

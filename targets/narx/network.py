@@ -77,11 +77,6 @@ class Narx:
         """N, neurons of the hidden layer."""
         return self.b1.size
 
-    @property
-    def weights(self) -> int:
-        """How many weights and biases there are: 631 for N = 15, d = 10 and three inputs."""
-        return self.W1.size + self.b1.size + self.w2.size + 1
-
     def free_run(self, u: ArrayLike) -> Floats:
         """Predict the output from the inputs alone: the parallel form (figure Appendix I.2).
 

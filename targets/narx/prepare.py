@@ -149,31 +149,6 @@ def shifted(u: Floats, y: Floats, samples: int) -> tuple[Floats, Floats]:
     return u[: len(u) - samples], y[samples:]
 
 
-def usable(samples: int, delays: int, shift: int = 0, washout: int = 0) -> int:
-    """How many of a run's `samples` count in training: those after the shift and the washout.
-
-    Raises TrainingError if the delay lines would not have filled and one sample been left beyond.
-    """
-    if samples < shift + washout + delays + 1:
-        raise TrainingError(
-            f"{samples} samples are too few for shift {shift}, washout {washout} and {delays} delays"
-        )
-    return samples - shift - washout
-
-
-def observed_range(values: ArrayLike, name: str = "channel") -> Range:
-    """Least and largest of a channel's values: section III.2's min-max, where no sensor range is known.
-
-    Raises TrainingError for values not finite, and for a channel that never moves: it has no range.
-    """
-    x = np.asarray(values, dtype=np.float64)
-    _finite(name, x)
-    lo, hi = float(x.min()), float(x.max())
-    if lo == hi:
-        raise TrainingError(f"{name} is {lo:g} in every sample: it has no range to normalise by")
-    return lo, hi
-
-
 def normalised(values: ArrayLike, span: Range) -> Floats:
     """Map physical `values` so that span = (lo, hi) becomes [-1, 1]; values outside are not clipped."""
     lo, hi = span
@@ -184,12 +159,6 @@ def physical(values: ArrayLike, span: Range) -> Floats:
     """Undo `normalised`."""
     lo, hi = span
     return (np.asarray(values, dtype=np.float64) + 1.0) * ((hi - lo) / 2.0) + lo
-
-
-def outside(values: ArrayLike, span: Range) -> int:
-    """How many values are not within span = (lo, hi): what `normalised` maps beyond [-1, 1]."""
-    x = np.asarray(values, dtype=np.float64)
-    return int(np.count_nonzero(~((x >= span[0]) & (x <= span[1]))))
 
 
 @cache

@@ -5,7 +5,8 @@ import json
 
 import numpy as np
 
-from campaigns.store import Row
+from campaigns.road_plan import RoadPlan
+from campaigns.store import Row, Store, trial_id
 
 MS = 1_000_000
 S = 1_000_000_000
@@ -20,6 +21,27 @@ CAMPAIGN = {
     "laps": None,
     "versions": {"strokebench": "0.1.0", "numpy": "2.4.6"},
 }
+
+
+PLAN = RoadPlan(
+    title="Road trial",
+    stands_for="a test",
+    route="mixed_5km",
+    laps=1,
+    seed=1,
+    fault_window_s=(1, 2),
+    faults={"hold": "rear_stroke:hold", "open": "rear_stroke:open"},
+)
+ROAD = {**CAMPAIGN, "conditions": list(PLAN.faults), "plan": PLAN.model_dump(mode="json")}
+"""A campaign's document that can be read again."""
+
+
+def road_store(path, rows, shown=None):
+    """A store of ROAD with these rows, each with the same freeze frame."""
+    with Store.open(path, ROAD) as store:
+        for one in rows:
+            store.put(trial_id(one.trial), one.trial, one.result, shown)
+    return path
 
 
 def row(

@@ -9,23 +9,12 @@ from campaigns.errors import CampaignError
 from campaigns.export import document
 from campaigns.offline import jobs, prepare, work
 from campaigns.reading import frame_of, plan_of, rows_of
-from campaigns.road_plan import RoadPlan
 from campaigns.store import Store, trial_id
 from targets.calibration import Calibration
 from targets.detector import Detector
 from tests.campaigns import offline_laps
-from tests.campaigns.synthetic import CAMPAIGN, frame, row
+from tests.campaigns.synthetic import CAMPAIGN, PLAN, ROAD, frame, row
 
-PLAN = RoadPlan(
-    title="Road trial",
-    stands_for="a test",
-    route="mixed_5km",
-    laps=1,
-    seed=1,
-    fault_window_s=(1, 2),
-    faults={"hold": "rear_stroke:hold", "open": "rear_stroke:open"},
-)
-ROAD = {**CAMPAIGN, "conditions": list(PLAN.faults), "plan": PLAN.model_dump(mode="json")}
 GOOD = row("hold", "CD", 1, 0.4)
 
 

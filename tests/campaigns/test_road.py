@@ -15,6 +15,7 @@ from campaigns.laps import Recorded, Simulated
 from campaigns.road import LapFile, expand
 from campaigns.road_plan import FAULT_FREE, RoadPlan
 from campaigns.trial import RoadWork
+from dbc import CHANNELS
 from targets.ecus import build
 
 
@@ -114,7 +115,7 @@ def test_swept_load(mcu):
     assert found[0].lap == trials(mcu, faults={}, laps=1)[0].lap
 
 
-FILES = [LapFile("a.parquet", "aa", 10.0), LapFile("b.parquet", "bb", 2.9)]
+FILES = [LapFile("a.parquet", "aa", 10.0, CHANNELS), LapFile("b.parquet", "bb", 2.9, CHANNELS)]
 
 
 def test_laps_of_ones_own(mcu):
@@ -127,6 +128,27 @@ def test_fault_comes_before_a_short_lap_ends(mcu):
     """The window ends a second before the lap does."""
     found = trials(mcu, [replace(FILES[0], duration_s=3.6)], laps=50)
     assert max(parse_fault(t.fault).t_cmd_ns for t in found if t.fault) <= 2_600_000_000
+
+
+@pytest.mark.parametrize(
+    ("lacks", "says"),
+    [
+        ("speed_kmh", r"^b\.parquet: missing speed_kmh, needed by ecu ifd$"),
+        ("acc_front_ms2", r"^b\.parquet: missing acc_front_ms2, needed by fault bump$"),
+    ],
+)
+def test_lap_without_a_channel(mcu, lacks, says):
+    """A lap that the ECU, or a fault, cannot do with is refused before any is ridden."""
+    channels = tuple(name for name in CHANNELS if name != lacks)
+    files = [FILES[0], replace(FILES[1], duration_s=20.0, channels=channels)]
+    with pytest.raises(LapError, match=says):
+        trials(mcu, files, faults={"open": "rear_stroke:open", "bump": "acc_front:hold"})
+
+
+def test_file_name_that_is_no_text(mcu):
+    """A file whose name no store could keep is refused by it."""
+    with pytest.raises(LapError, match=r"^'a\\udcff\.csv': the file's name is no text"):
+        trials(mcu, [replace(FILES[0], file="a\udcff.csv")])
 
 
 @pytest.mark.parametrize("changes", [{"seconds": 3.0}, {}])
@@ -245,7 +267,7 @@ def test_recorded_lap(mcu, tmp_path):
     """A lap of one's own is read from its folder, and refused if it is another one by now."""
     lap = ride(load_route("mixed_5km"), load_motorcycle(), 7, 6.0)
     write_lap(lap, tmp_path / "a.csv")
-    [trial] = expand(plan(laps=1, faults={}), mcu, [LapFile("a.csv", lap.digest(), 6.0)])[0]
+    [trial] = expand(plan(laps=1, faults={}), mcu, [LapFile("a.csv", lap.digest(), 6.0, CHANNELS)])[0]
     work = RoadWork((mcu,), tmp_path)
     assert work.lap(trial).digest() == lap.digest()
     write_lap(ride(load_route("mixed_5km"), load_motorcycle(), 8, 6.0), tmp_path / "a.csv")

@@ -12,15 +12,13 @@ from targets.baselines import read
 from targets.calibration import load
 from targets.detector import Checks
 from targets.ecus import DEFAULT_CALIBRATION
+from tests.conftest import simulated_laps
 
 
 @pytest.fixture(scope="module")
 def laps(tmp_path_factory):
     """Seven minutes of fault-free laps."""
-    folder = tmp_path_factory.mktemp("laps")
-    for seed in (1, 2):
-        write_lap(ride(load_route("test_lap"), load_motorcycle(), seed, 210.0), folder / f"{seed}.parquet")
-    return folder
+    return simulated_laps(tmp_path_factory.mktemp("laps"), "test_lap", 210.0)
 
 
 @pytest.fixture

@@ -87,8 +87,11 @@ def test_performance_on_laps_of_ones_own(bench, folder, tmp_path):
     [
         (("nothing",), "unknown campaign 'nothing'; the known ones are demo,"),
         (("narx_leave_one_out",), "needs --laps DIR, a folder of recorded rides"),
-        (("narx_performance", "--fail-fast"), "takes --laps, --model, --workers, --json and --html alone"),
-        (("narx_grid", "--model", "x.json"), "takes none of --laps, --model and --html"),
+        (("narx_performance", "--fail-fast"), "a campaign of kind narx_performance takes no --fail-fast"),
+        (("narx_performance", "--sensors", "eyes"), "sensors 'eyes' are neither"),
+        (("narx_leave_one_out", "--model", "x.json", "--csv", "x.csv"), "takes no --csv, --model"),
+        (("narx_grid", "--model", "x.json"), "a campaign of kind narx_grid takes no --model"),
+        (("narx_grid", "--map", "x.toml"), "takes no --map"),
         (("narx_grid", "--workers", 0), "--workers is 0; it must be at least 1"),
     ],
 )

@@ -1,16 +1,17 @@
 """`bench campaign run|resume|report` of road trials and offline campaigns: stores, files, refusals."""
 
+import csv
 import json
+import sqlite3
 import xml.etree.ElementTree as Xml
+from contextlib import closing
 
 import pytest
 
-from bench.laps.files import write_lap
-from bench.plant.motorcycle import load_motorcycle
-from bench.plant.ride import ride
-from bench.plant.route import load_route
 from campaigns.store import Store
 from targets.host import library
+from tests.campaigns.synthetic import frame, road_store, row
+from tests.conftest import simulated_laps
 
 PLAN = """
 title = "Small trial"
@@ -50,10 +51,7 @@ def plan(tmp_path, monkeypatch):
 @pytest.fixture(scope="module")
 def laps(tmp_path_factory):
     """Two laps of one's own, 8 s long."""
-    folder = tmp_path_factory.mktemp("laps")
-    for seed in (1, 2):
-        write_lap(ride(load_route("mixed_5km"), load_motorcycle(), seed, 8.0), folder / f"{seed}.parquet")
-    return folder
+    return simulated_laps(tmp_path_factory.mktemp("laps"), "mixed_5km", 8.0)
 
 
 def run(bench, plan, *more):
@@ -147,6 +145,17 @@ def test_report_against_another_store(bench, plan, tmp_path):
     assert "<h2>Changed trials</h2>" in (tmp_path / "diff.html").read_text()
 
 
+def test_tolerance(bench, plan, tmp_path):
+    """Times to detect that differ by no more than --tolerance are no change."""
+    run(bench, plan)
+    run(bench, plan, "--model", "gsxr1000_checks", "--store", "checks.sqlite")
+    words = ("campaign", "report", "checks.sqlite", "--against", "small.sqlite", "--json", "diff.json")
+    for tolerance, times in (((), True), (("--tolerance", 100), False)):
+        assert bench(*words, *tolerance).code == 0
+        found = json.loads((tmp_path / "diff.json").read_text())
+        assert any("td_s" in change["what"] for change in found["changed"]) == times
+
+
 def test_fail_fast(bench, plan, tmp_path):
     """With --fail-fast a verdict that fails ends the run with exit code 1, and the store keeps it."""
     (tmp_path / "small.toml").write_text(PLAN.replace('"rear_stroke:open"', '"fork_stroke:open"'))
@@ -191,7 +200,13 @@ def test_offline_campaign(bench, plan, tmp_path):
         (("run", "small.toml", "--workers", 0), "--workers is 0; it must be at least 1"),
         (("run", "small.toml", "--model", "none.json"), "none.json: no such file"),
         (("run", "small.toml", "--cluster", "tcp://127.0.0.1:1"), "127.0.0.1:1"),
-        (("run", "offline.toml", "--junit", "x.xml"), "--junit is for road trials"),
+        (("run", "offline.toml", "--junit", "x.xml"), "a campaign of kind offline takes no --junit"),
+        (
+            ("run", "offline.toml", "--on", "mcu", "--ftti", 1),
+            "of kind offline takes no --on, --ftti",
+        ),
+        (("run", "small.toml", "--repair"), "--map and --repair go with --laps"),
+        (("resume", "narx_performance"), "narx_performance: keeps no store to go on with"),
         (("report", "none.sqlite"), "none.sqlite: no such file"),
         (("report", "small.toml"), "small.toml"),
     ],
@@ -199,3 +214,68 @@ def test_offline_campaign(bench, plan, tmp_path):
 def test_refusals(refused, plan, words, says):
     """What cannot be done is refused in one line before anything is ridden or written."""
     assert says in refused("campaign", *words)
+
+
+NAMES = ("open [red]<b>&\"'", "[/]")
+
+
+def test_names_that_mean_something_elsewhere(bench, plan, laps, tmp_path):
+    """Markup of terminals, pages and XML in a name is shown as it is written, and steers no terminal."""
+    pytest.importorskip("plotly", reason="plotly is not installed")
+    folder = tmp_path / "odd"
+    folder.mkdir()
+    (folder / "a\n\x1b[31m<b>.parquet").write_bytes((laps / "1.parquet").read_bytes())
+    faults = ", ".join(f"{json.dumps(name)} = 'rear_stroke:open'" for name in NAMES)
+    text = PLAN.replace("seconds = 6", "").replace('"Small trial"', '"[/]<b>"')
+    (tmp_path / "small.toml").write_text(text[: text.index("faults =")] + f"faults = {{ {faults} }}\n")
+    outs = [word for name in ("csv", "junit", "html") for word in (f"--{name}", f"out.{name}")]
+    said = run(bench, plan, "--laps", folder, *outs)
+    assert said.code == 0, said.err
+    assert "\x1b" not in said.out
+    assert said.out.startswith("[/]<b>: a test\n")
+    assert all(name in said.out for name in NAMES)
+    with (tmp_path / "out.csv").open(newline="") as file:
+        assert {row["condition"] for row in csv.DictReader(file)} == {"fault-free", *NAMES}
+    suites = {suite.get("name") for suite in Xml.parse(tmp_path / "out.junit").iter("testsuite")}
+    assert suites == {"fault-free", *NAMES}
+    page = (tmp_path / "out.html").read_text()
+    assert "&lt;b&gt;" in page
+    assert "<b>&\"'" not in page
+
+
+@pytest.fixture
+def stores(tmp_path, monkeypatch):
+    """Two stores of one campaign's file that have no trial in common."""
+    monkeypatch.chdir(tmp_path)
+    for k, name in enumerate(("a.sqlite", "b.sqlite")):
+        road_store(tmp_path / name, [row("hold", "CD", k, 0.4)], frame(0))
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--json", "a.sqlite"), "a.sqlite: is the store itself"),
+        (("--against", "b.sqlite", "--html", "b.sqlite"), "b.sqlite: is the store itself"),
+        (("--against", "b.sqlite"), "a.sqlite: has no trial in common with b.sqlite"),
+        (("--against", "a.sqlite", "--csv", "x.csv"), "--against takes --tolerance, --json and --html alone"),
+        (("--against", "a.sqlite", "--ftti", "1"), "--against takes --tolerance, --json and --html alone"),
+        (("--against", "a.sqlite", "--tolerance", "nan"), "a tolerance of nan s; it must be at least 0"),
+        (("--against", "a.sqlite", "--tolerance", "-1"), "a tolerance of -1 s; it must be at least 0"),
+        (("--tolerance", "1"), "--tolerance goes with --against"),
+        (("--ftti", "nan"), "--ftti is nan; it must be more than 0"),
+        (("--ftti", "0"), "--ftti is 0; it must be more than 0"),
+    ],
+)
+def test_report_refusals(refused, stores, words, says):
+    """A report that cannot be made is refused in one line, and no store is touched."""
+    pytest.importorskip("plotly", reason="plotly is not installed")
+    assert says in refused("campaign", "report", "a.sqlite", *words)
+
+
+def test_damaged_frame_leaves_no_file(refused, stores):
+    """Where a freeze frame turns out to be damaged, nothing was printed or written before."""
+    pytest.importorskip("plotly", reason="plotly is not installed")
+    with closing(sqlite3.connect("a.sqlite")) as connection, connection:
+        connection.execute("UPDATE trials SET frame = x'00'")
+    line = refused("campaign", "report", "a.sqlite", "--csv", "out.csv", "--html", "out.html")
+    assert "a.sqlite: is damaged: the freeze frame of trial" in line

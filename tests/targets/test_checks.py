@@ -56,6 +56,14 @@ def strokes(codes, network, *faults):
     return network.free_run(np.stack([seen[name] for name in network.inputs], axis=1)), seen["rear_stroke_mm"]
 
 
+def test_kinds_are_those_of_the_bus():
+    """A kind has one name and number: here, on the bus, and where the bench says what is right."""
+    numbers = CODEC.message("IFD_STATUS").signals["kind"].names
+    assert numbers == dict(enumerate(KINDS))
+    expected = {parse_fault(text).called for text in (*FAULTS.values(), "rear_stroke:short:to=batt@8")}
+    assert expected == set(KINDS[1:])
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 def test_each_fault_is_found_and_named(codes, network, fault):
     """Every kind of fault is found within 2.5 s of its start, not before, and named."""

@@ -1,4 +1,6 @@
+import os
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -102,3 +104,10 @@ def test_reads_a_long_lap_in_a_few_seconds(tmp_path):
     before = time.process_time()
     read_lap(tmp_path / "lap.csv")
     assert time.process_time() - before < 3.0
+
+
+def test_name_that_is_no_text(tmp_path):
+    """A file is read whatever bytes its name is made of."""
+    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xff.csv"))
+    path.write_text(GOOD)
+    assert read_lap(path).t_ns.tolist() == [0, 1_000_000, 2_000_000]

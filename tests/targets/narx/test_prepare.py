@@ -9,12 +9,9 @@ from targets.narx.prepare import (
     RANGES,
     edited,
     normalised,
-    observed_range,
-    outside,
     physical,
     resampled,
     shifted,
-    usable,
 )
 
 
@@ -170,7 +167,6 @@ def test_rates_that_do_not_divide(rates):
     [
         lambda values: resampled(values, 1000.0, name="fork_stroke_mm"),
         lambda values: edited([values], name="fork_stroke_mm"),
-        lambda values: observed_range(values, "fork_stroke_mm"),
     ],
 )
 def test_values_not_finite(step):
@@ -179,29 +175,3 @@ def test_values_not_finite(step):
         step(np.array([1.0, 2.0, 3.0, np.nan, 5.0]))
     with pytest.raises(TrainingError, match="fork_stroke_mm has no sample"):
         step(np.zeros(0))
-
-
-def test_observed_range():
-    """Min-max normalisation takes a channel's least and largest value to -1 and 1."""
-    values = np.array([30.0, 20.0, 70.0])
-    assert observed_range(values) == (20.0, 70.0)
-    assert normalised(values, observed_range(values)) == pytest.approx([-0.6, -1.0, 1.0])
-
-
-def test_constant_channel():
-    """A channel that never moves has no range, and is named."""
-    with pytest.raises(TrainingError, match="speed_kmh is 50 in every sample"):
-        observed_range(np.full(20, 50.0), "speed_kmh")
-
-
-def test_outside():
-    """Values beyond a range are counted, those on its ends are within."""
-    assert outside([-0.1, 0.0, 75.0, 150.0, 150.1, np.nan], (0.0, 150.0)) == 3
-
-
-def test_usable_samples():
-    """Shift and washout are taken off a run; one sample more than the delays must be left of it."""
-    assert usable(111, delays=10, shift=0, washout=100) == 11
-    assert usable(200, delays=10, shift=5, washout=100) == 95
-    with pytest.raises(TrainingError, match="110 samples are too few"):
-        usable(110, delays=10, shift=0, washout=100)
