@@ -17,6 +17,7 @@ CALIBRATION_SYMBOL, ROOM_SYMBOL = "calibration_image", "calibration_room"
 class EmulatedEcu:
     """`image` with `calibration` on the MCU, powered at `power_on_ns`, on a bus of `bitrate` bit/s.
 
+    calibration: None for a firmware that has no section for it.
     mcu: the machine itself, to look into and to tamper with.
     Raises CalibrationError if the image's calibration section is too small, FirmwareError if it has none.
     """
@@ -24,7 +25,7 @@ class EmulatedEcu:
     def __init__(
         self,
         image: Image,
-        calibration: Calibration,
+        calibration: Calibration | None,
         name: str = "ifd",
         power_on_ns: int = -100_000_000,
         bitrate: int = 500_000,
@@ -33,6 +34,10 @@ class EmulatedEcu:
         self.mcu = Stm32f405(image, power_on_ns)
         self._bitrate = bitrate
         self._waiting: list[Transmission] = []
+        if calibration:
+            self._calibrate(image, calibration)
+
+    def _calibrate(self, image: Image, calibration: Calibration) -> None:
         content = calibration.image()
         room = image.symbol(ROOM_SYMBOL)
         if len(content) > room:

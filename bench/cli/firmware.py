@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bench.cli import gdb
 from bench.cli.options import EcuName, Elf, Map, Model, Repair, SensorSeed, SensorsName
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 app = typer.Typer(
     help="The firmware and what it implements.", no_args_is_help=True, pretty_exceptions_enable=False
 )
+
+app.command()(gdb.gdb)
 
 
 @app.callback()

@@ -36,7 +36,7 @@ class Machine(Debuggee, Protocol):
         """It is about to run again, from wherever its program counter now stands."""
 
     def step(self, until_ns: int) -> bool:
-        """Execute one instruction; False if `until_ns` came first, the core being asleep."""
+        """Execute one instruction; False if it slept to `until_ns`, or has frames to send, first."""
 
 
 class Line(Protocol):
@@ -110,10 +110,13 @@ class Session:
             try:
                 if self._stub.want is Want.STEP:
                     # What falls due at this instant, a frame for example, comes before the instruction.
-                    if machine.now_ns >= t_ns or not machine.step(t_ns):
+                    if machine.now_ns >= t_ns:
                         return None
-                    self._halt = Stop(TRAPPED, machine.hit)
-                until_ns = machine.now_ns if self._halt else min(t_ns, machine.now_ns + SLICE_NS)
+                    if machine.step(t_ns):
+                        self._halt = Stop(TRAPPED, machine.hit)
+                    until_ns = machine.now_ns
+                else:
+                    until_ns = min(t_ns, machine.now_ns + SLICE_NS)
                 request = self._ecu.advance(until_ns)
                 if machine.hit:
                     self._halt = Stop(TRAPPED, machine.hit)

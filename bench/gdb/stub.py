@@ -51,8 +51,8 @@ class Stop(NamedTuple):
 class Debuggee(Protocol):
     """The halted machine, as the stub needs it."""
 
-    def read_register(self, name: str) -> int:
-        """The value of a register of `description.REGISTERS`."""
+    def registers(self) -> Mapping[str, int]:
+        """The values of all of `description.REGISTERS`, by name."""
 
     def write_register(self, name: str, value: int) -> None:
         """Set a register."""
@@ -77,8 +77,8 @@ class _Malformed(Exception):
 class Stub:
     """The debugger's counterpart for `machine`.
 
-    machine, commands: may be exchanged while it is halted. commands: what answers `monitor NAME`, by name. want: what the debugger wants of the machine.
-    interrupted: it asked a running machine to halt.
+    machine, commands: may be exchanged while it is halted. commands: what answers `monitor NAME`, by name.
+    want: what the debugger wants of the machine. interrupted: it asked a running machine to halt.
     """
 
     def __init__(self, machine: Debuggee, commands: Mapping[str, Callable[[], str]]) -> None:
@@ -145,7 +145,8 @@ class Stub:
     # Registers
 
     def _read_all(self, _: bytes) -> bytes:
-        return b"".join(self._register(register) for register in REGISTERS)
+        values = self.machine.registers()
+        return b"".join(_little(register, values[register.name]) for register in REGISTERS)
 
     def _write_all(self, rest: bytes) -> bytes:
         values = _bytes(rest)
@@ -159,7 +160,8 @@ class Stub:
         return b"OK"
 
     def _read_one(self, rest: bytes) -> bytes:
-        return self._register(_numbered(rest))
+        register = _numbered(rest)
+        return _little(register, self.machine.registers()[register.name])
 
     def _write_one(self, rest: bytes) -> bytes:
         number, _, value = rest.partition(b"=")
@@ -168,9 +170,6 @@ class Stub:
             raise _Malformed
         self.machine.write_register(register.name, int.from_bytes(content, "little"))
         return b"OK"
-
-    def _register(self, register: Register) -> bytes:
-        return self.machine.read_register(register.name).to_bytes(register.bits // 8, "little").hex().encode()
 
     # Memory
 
@@ -319,6 +318,10 @@ def _stop_reply(stop: Stop) -> bytes:
         f"{_WATCHES[stop.point[0]]}:{stop.point[1]:x};" if stop.point and stop.point[0] in _WATCHES else ""
     )
     return f"T{stop.signal:02x}{reason}thread:{THREAD};".encode()
+
+
+def _little(register: Register, value: int) -> bytes:
+    return value.to_bytes(register.bits // 8, "little").hex().encode()
 
 
 def _number(text: bytes) -> int:

@@ -11,15 +11,15 @@ class Machine:
     """Registers that hold their numbers, 64 kB of memory at BASE."""
 
     def __init__(self):
-        self.registers = {register.name: number for number, register in enumerate(REGISTERS)}
+        self.values = {register.name: number for number, register in enumerate(REGISTERS)}
         self.memory = bytearray(range(256)) * 256
         self.points = []
 
-    def read_register(self, name):
-        return self.registers[name]
+    def registers(self):
+        return self.values
 
     def write_register(self, name, value):
-        self.registers[name] = value
+        self.values[name] = value
 
     def read_memory(self, address, count):
         at = address - BASE

@@ -43,10 +43,10 @@ def registers_of(answer: bytes) -> dict[str, int]:
 
 def test_all_registers(stub, machine):
     """g gives every register, little-endian, and G writes them all."""
-    assert registers_of(ask(stub, b"g")) == machine.registers
+    assert registers_of(ask(stub, b"g")) == machine.values
     raw = b"".join((7 * k).to_bytes(register.bits // 8, "little") for k, register in enumerate(REGISTERS))
     assert ask(stub, b"G" + raw.hex().encode()) == b"OK"
-    assert machine.registers == {register.name: 7 * k for k, register in enumerate(REGISTERS)}
+    assert machine.values == {register.name: 7 * k for k, register in enumerate(REGISTERS)}
     assert ask(stub, b"G" + raw[1:].hex().encode()) == b"E01"
 
 
@@ -54,9 +54,9 @@ def test_one_register(stub, machine):
     """p reads and P writes one register by its number in the description."""
     assert ask(stub, b"pf") == b"0f000000"
     assert ask(stub, b"Pf=78563412") == b"OK"
-    assert machine.registers["pc"] == 0x12345678
+    assert machine.values["pc"] == 0x12345678
     assert ask(stub, b"P11=0000000000000440") == b"OK"
-    assert machine.registers["d0"] == 0x4004000000000000
+    assert machine.values["d0"] == 0x4004000000000000
 
 
 def test_memory(stub, machine):
@@ -117,10 +117,10 @@ def test_goodbye(stub, request_, want):
 def test_continue_at_an_address(stub, machine):
     """c and s with an address set the program counter first."""
     stub.receive(encode(b"c8000100"))
-    assert machine.registers["pc"] == 0x08000100
+    assert machine.values["pc"] == 0x08000100
     stub.stopped(Stop(TRAPPED))
     stub.receive(encode(b"S05;8000200"))
-    assert machine.registers["pc"] == 0x08000200
+    assert machine.values["pc"] == 0x08000200
 
 
 def test_why_it_stopped(stub):
@@ -160,7 +160,7 @@ def test_interrupt(stub):
 
 
 def test_packets_wait_while_it_runs(stub):
-    """A packet that comes while the machine runs waits until it has halted; an interrupt behind it does not."""
+    """A packet for a machine that runs waits until it has halted; an interrupt behind it does not."""
     assert stub.receive(encode(b"c") + encode(b"pf") + b"\x03") == b"+"
     assert stub.interrupted
     assert [e.data for e in Decoder().feed(stub.stopped(Stop(2))) if isinstance(e, Packet)] == [
@@ -170,7 +170,7 @@ def test_packets_wait_while_it_runs(stub):
 
 
 def test_points(stub, machine):
-    """Z sets and z clears points of every kind; one that cannot be is E01, a kind unknown gets an empty reply."""
+    """Z sets and z clears points; one that cannot be is E01, one of unknown kind gets an empty reply."""
     for number, kind in ((0, "break"), (1, "break"), (2, "write"), (3, "read")):
         assert ask(stub, b"Z%d,20000000,4" % number) == b"OK"
         assert machine.points == [(kind, BASE, 4)]
@@ -229,16 +229,17 @@ def test_monitor(stub):
     "request_",
     [
         b"p", b"pff", b"p-1", b"p 1", b"P1=0", b"P1=00000000ff", b"P1", b"m", b"m1", b"m1,2,3", b"mx,1",
-        b"m,", b"M20000000,2:00", b"M20000000,1:0", b"M20000000,1:zz", b"X20000000,2:a", b"G00", b"Gzz", b"Z1,1",
-        b"Z1", b"vCont;", b"vCont;x", b"vCont;c:2", b"czz", b"qRcmd,1", b"qXfer:features:read:target.xml:",
+        b"m,", b"M20000000,2:00", b"M20000000,1:0", b"M20000000,1:zz", b"X20000000,2:a", b"G00", b"Gzz",
+        b"Z1,1", b"Z1", b"vCont;", b"vCont;x", b"vCont;c:2", b"czz", b"qRcmd,1",
+        b"qXfer:features:read:target.xml:",
         b"m20000000,99999999999999999", b"Z0,,",
     ],
 )  # fmt: skip
 def test_malformed(stub, machine, request_):
     """What makes no sense is E01, changes nothing and lets nothing run."""
-    registers, memory = dict(machine.registers), bytes(machine.memory)
+    registers, memory = dict(machine.values), bytes(machine.memory)
     assert ask(stub, request_) == b"E01"
-    assert (machine.registers, machine.memory) == (registers, memory)
+    assert (machine.values, machine.memory) == (registers, memory)
     assert machine.points == []
     assert stub.want is Want.HALT
 

@@ -4,6 +4,9 @@ from collections.abc import Callable
 
 from bench.gdb.wire import Decoder, Packet, encode
 
+CHUNK = 1024
+"""Bytes of memory to a packet; QEMU's hold twice as many."""
+
 
 class Client:
     """Talks to a stub through `exchange`, which sends bytes and returns some that came back, or b"".
@@ -31,13 +34,15 @@ class Client:
         assert reply == b"OK", f"{request!r} was answered with {reply!r}"
 
     def read(self, address: int, count: int) -> bytes:
-        data = bytes.fromhex(self.ask(b"m%x,%x" % (address, count)).decode())
+        data = b""
+        for k in range(0, count, CHUNK):
+            data += bytes.fromhex(self.ask(b"m%x,%x" % (address + k, min(CHUNK, count - k))).decode())
         assert len(data) == count
         return data
 
     def write(self, address: int, data: bytes) -> None:
-        for k in range(0, len(data), 1024):
-            part = data[k : k + 1024]
+        for k in range(0, len(data), CHUNK):
+            part = data[k : k + CHUNK]
             self.do(b"M%x,%x:%b" % (address + k, len(part), part.hex().encode()))
 
     def register(self, number: int) -> int:
