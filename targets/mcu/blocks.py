@@ -7,10 +7,11 @@ from typing import Any
 from numba import carray, types
 from unicorn import arm_const as arm
 
-from targets.jit import cfunc
+from targets.jit import cfunc, njit
 from targets.mcu import native
 from targets.mcu.state import (
     ATTEND,
+    BLOCK,
     BRANCH_PENALTY,
     CODE_HALFWORDS,
     COST,
@@ -18,12 +19,39 @@ from targets.mcu.state import (
     DEADLINE,
     HALFWORDS,
     NEXT,
+    PC,
     RAM_BLOCKS,
     STOPPED,
+    State,
 )
 
 FLASH = 0x08000000
 REG_PRIMASK = arm.UC_ARM_REG_PRIMASK
+
+AT_BLOCK = 1
+"""STOPPED by the block hook, which puts the block's address into PC: the engine's own may be stale."""
+
+
+@njit(cache=True)
+def _stop(S: State, address: int) -> None:
+    S[STOPPED] = AT_BLOCK
+    S[PC] = address
+    native.stop(S)
+
+
+@njit(cache=True)
+def refund(S: State, address: int) -> None:
+    """The last block was left at `address`: take back what was charged for the rest of it."""
+    if not S[BLOCK] <= address < S[NEXT]:
+        return
+    first = (address - FLASH) >> 1
+    last = (S[NEXT] - FLASH) >> 1
+    S[HALFWORDS] -= last - first
+    if first < 0 or last > S[CODE_HALFWORDS]:
+        S[CYCLES] -= last - first
+    else:
+        S[CYCLES] -= S[COST + last] - S[COST + first]
+    S[NEXT] = address
 
 
 @cfunc(types.void(types.voidptr, types.uint64, types.uint32, types.voidptr), cache=True)
@@ -32,16 +60,15 @@ def on_block(engine: Any, address: int, size: int, user: Any) -> None:
     head = carray(user, (COST,), types.int64)
     at = types.int64(address)
     if head[CYCLES] >= head[DEADLINE] or head[ATTEND] == 1:
-        head[STOPPED] = 1
-        native.stop(head)
+        _stop(head, at)
         return
     if head[ATTEND] == 2 and native.get_register(head, REG_PRIMASK) & 1 == 0:
-        head[STOPPED] = 1
-        native.stop(head)
+        _stop(head, at)
         return
     if at != head[NEXT]:
         head[CYCLES] += head[BRANCH_PENALTY]
     end = at + size
+    head[BLOCK] = at
     head[NEXT] = end
     first = (at - FLASH) >> 1
     last = (end - FLASH) >> 1

@@ -10,13 +10,16 @@ from numba import carray, types
 from unicorn import arm_const as arm
 
 from targets.jit import cfunc, njit
-from targets.mcu import events, native, nvic
+from targets.mcu import blocks, events, native, nvic
 from targets.mcu.clock import cycles_at
 from targets.mcu.state import (
     ACTIVE_DEPTH,
     ATTEND,
+    BLOCK,
+    BREAK_PASSED,
     CAN_TX_NEW,
     COST,
+    COUNT,
     CPACR,
     CYCLES,
     DEADLINE,
@@ -41,8 +44,28 @@ REG_R0, REG_S0, REG_FPSCR = arm.UC_ARM_REG_R0, arm.UC_ARM_REG_S0, arm.UC_ARM_REG
 REG_XPSR, REG_PRIMASK = arm.UC_ARM_REG_XPSR, arm.UC_ARM_REG_PRIMASK
 EXC_RETURN_INTNO = 8
 
+REGISTERS = {
+    **{f"r{k}": arm.UC_ARM_REG_R0 + k for k in range(13)},
+    "sp": REG_SP,
+    "lr": REG_LR,
+    "pc": REG_PC,
+    "xpsr": REG_XPSR,
+    "msp": arm.UC_ARM_REG_MSP,
+    "psp": arm.UC_ARM_REG_PSP,
+    "primask": REG_PRIMASK,
+    "basepri": arm.UC_ARM_REG_BASEPRI,
+    "faultmask": arm.UC_ARM_REG_FAULTMASK,
+    "control": arm.UC_ARM_REG_CONTROL,
+    "fpscr": REG_FPSCR,
+    **{f"s{k}": REG_S0 + k for k in range(32)},
+}
+"""A debugger's names of the core registers, to unicorn's numbers."""
+
 # What `run` stopped for
-TIME, TRANSMIT, FAULT, RESET = 0, 1, 2, 3
+TIME, TRANSMIT, FAULT, RESET, BREAKPOINT, STEP = range(6)
+
+# Beside blocks.AT_BLOCK in STOPPED
+AT_INTERRUPT, AT_BREAKPOINT = 2, 3
 
 # Further codes in ERROR beside unicorn's own
 ERROR_STACK, ERROR_INTERRUPT = 1000, 1001
@@ -58,7 +81,18 @@ def on_interrupt(engine: Any, number: int, user: Any) -> None:
         S[RETURNING] = 1
     else:
         S[ERROR] = ERROR_INTERRUPT + (types.int64(number) << 16)
-    S[STOPPED] = 1
+    S[STOPPED] = AT_INTERRUPT
+    native.stop(S)
+
+
+@cfunc(types.void(types.voidptr, types.uint64, types.uint32, types.voidptr), cache=True)
+def on_breakpoint(engine: Any, address: int, size: int, user: Any) -> None:
+    """uc_cb_hookcode_t of an instruction with a breakpoint: stop before it."""
+    S = carray(user, (COST,), types.int64)
+    if S[BREAK_PASSED] == types.int64(address):
+        S[BREAK_PASSED] = -1
+        return
+    S[STOPPED] = AT_BREAKPOINT
     native.stop(S)
 
 
@@ -173,8 +207,10 @@ def run(S: State) -> int:
             S[CYCLES] = S[DEADLINE]
             continue
         S[STOPPED] = 0
-        error = native.start(S, S[PC] | 1)
-        S[PC] = native.get_register(S, REG_PC) & 0xFFFFFFFF
+        S[BLOCK] = -1  # none yet
+        error = native.start(S, S[PC] | 1, S[COUNT])
+        if S[STOPPED] != blocks.AT_BLOCK:
+            S[PC] = native.get_register(S, REG_PC) & 0xFFFFFFFF
         if error and S[ERROR] == 0:
             S[ERROR] = error
         if S[ERROR]:
@@ -184,5 +220,12 @@ def run(S: State) -> int:
             leave_exception(S)
             if S[ERROR]:
                 return FAULT
-        elif not S[STOPPED]:
+        elif S[STOPPED] == AT_BREAKPOINT:
+            blocks.refund(S, S[PC])
+            return BREAKPOINT
+        elif not S[STOPPED] and S[PC] == S[NEXT]:
             S[SLEEPING] = 1
+        if S[COUNT] and S[BLOCK] >= 0:
+            if S[STOPPED] != blocks.AT_BLOCK:
+                blocks.refund(S, S[PC])
+            return STEP

@@ -1,12 +1,13 @@
 """An STM32F405: unicorn, memories, devices and cycle model put together; time in nanoseconds from outside."""
 
 import ctypes
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from targets.errors import FirmwareFault
+from targets.errors import FirmwareError, FirmwareFault
 from targets.mcu import blocks, bxcan, clock, core, cycles, native, peripherals, rcc, scs, state
 from targets.mcu.image import FLASH, Image
 
@@ -31,6 +32,9 @@ _EXCEPTIONS = {
 """The engine's exception numbers that no handler of a firmware for this MCU takes here."""
 
 TIME, TRANSMIT, FAULT, RESET = core.TIME, core.TRANSMIT, core.FAULT, core.RESET
+BREAKPOINT, STEP = core.BREAKPOINT, core.STEP
+
+MS = 1_000_000
 
 
 class Stm32f405:
@@ -47,6 +51,7 @@ class Stm32f405:
         self._sram = _aligned(SRAM_SIZE)
         self._ccm = _aligned(CCM_SIZE)
         self.state = state.allocate(len(image.flash))
+        self._breakpoints: list[int] = []
         self._engine = _engine(self)
         self._reset(power_on_ns)
 
@@ -71,11 +76,32 @@ class Stm32f405:
         S[state.PC] = S[state.NEXT] = entry & ~1
 
     def run(self, until_ns: int) -> int:
-        """Run until `until_ns`; TIME, or TRANSMIT earlier if a mailbox asks for the bus.
+        """Run until `until_ns`; TIME, or TRANSMIT earlier if a mailbox asks for the bus, or BREAKPOINT.
 
+        A breakpoint stops before its instruction; run again from there, it lets that instruction pass.
         Raises FirmwareFault if the program did what only a fault handler could answer.
         """
-        self.state[state.UNTIL_NS] = until_ns
+        S = self.state
+        S[state.UNTIL_NS] = until_ns
+        S[state.BREAK_PASSED] = S[state.PC] if self._breakpoints else -1
+        return self._run()
+
+    def step(self, until_ns: int | None = None) -> int:
+        """Run one instruction, of a handler if an interrupt is due: STEP; TIME if it sleeps to `until_ns`.
+
+        until_ns: by default a second from now. An IT block counts as one instruction. Other reasons to stop
+        as in `run`.
+        """
+        S = self.state
+        S[state.UNTIL_NS] = self.now_ns + 1000 * MS if until_ns is None else until_ns
+        S[state.BREAK_PASSED] = S[state.PC]
+        S[state.COUNT] = 1
+        try:
+            return self._run()
+        finally:
+            S[state.COUNT] = 0
+
+    def _run(self) -> int:
         reason = int(core.run(self.state))
         if reason == FAULT:
             raise FirmwareFault(f"{self._fault()} at {self.where()}")
@@ -103,6 +129,34 @@ class Stm32f405:
         """The program counter."""
         return int(self.state[state.PC])
 
+    def set_breakpoints(self, addresses: Iterable[int]) -> None:
+        """Stop before the instructions at `addresses`, and no longer at those set before."""
+        import unicorn
+
+        for handle in self._breakpoints:
+            _unhook(self._engine, handle)
+        user = ctypes.c_void_p(state.as_pointer(self.state))
+        self._breakpoints = [
+            _hook(self._engine, unicorn.UC_HOOK_CODE, core.on_breakpoint.address, user, at & ~1)
+            for at in sorted(set(addresses))
+        ]
+        self._engine.ctl_flush_tb()
+
+    def registers(self) -> dict[str, int]:
+        """The core registers by name: r0 to r12, sp, lr, pc, xpsr, msp, psp, primask, ..., s0 to s31."""
+        S = self.state
+        values = {name: int(native.get_register(S, number)) for name, number in core.REGISTERS.items()}
+        return values | {"pc": self.pc}
+
+    def set_register(self, name: str, value: int) -> None:
+        """Write one of `registers`; KeyError for another name."""
+        S = self.state
+        if name == "pc":
+            S[state.PC] = S[state.NEXT] = value & ~1
+            S[state.SLEEPING] = 0
+        else:
+            native.set_register(S, core.REGISTERS[name], value & 0xFFFFFFFF)
+
     def where(self) -> str:
         """The program counter and the function it is in."""
         name = self.image.function_at(self.pc)
@@ -123,6 +177,40 @@ class Stm32f405:
         """Bytes of memory (not of devices)."""
         return bytes(self._engine.mem_read(address, count))
 
+    def read_memory(self, address: int, count: int) -> bytes:
+        """Bytes of memory or of devices, as a debugger reads them; FirmwareError if nothing answers there.
+
+        Devices are read by words and half-words as the alignment lets it, with the effects a read has.
+        """
+        return b"".join(
+            self._read(at, size).to_bytes(size, "little") for at, size in _accesses(address, count)
+        )
+
+    def write_memory(self, address: int, data: bytes) -> None:
+        """Write memory, flash too, or devices as a debugger does; FirmwareError if nothing answers there."""
+        if FLASH <= address < FLASH + CODE_SIZE:
+            self.patch(address, data)
+            return
+        for at, size in _accesses(address, len(data)):
+            part = data[at - address : at - address + size]
+            if _is_device(at):
+                peripherals.store(self.state, at, size, int.from_bytes(part, "little"))
+            else:
+                self._memory(self._engine.mem_write, at, part)
+
+    def _read(self, address: int, size: int) -> int:
+        if _is_device(address):
+            return int(peripherals.load(self.state, address, size))
+        return int.from_bytes(self._memory(self._engine.mem_read, address, size), "little")
+
+    def _memory(self, access: Callable[[int, Any], Any], address: int, what: Any) -> Any:
+        import unicorn
+
+        try:
+            return access(address, what)
+        except unicorn.UcError:
+            raise FirmwareError(f"no memory at {address:#010x}") from None
+
     def patch(self, address: int, data: bytes) -> None:
         """Write to flash as a debugger would: code that has been translated already is forgotten."""
         at = address - FLASH
@@ -139,6 +227,25 @@ class Stm32f405:
         if kind == core.ERROR_STACK:
             return "exception frame outside memory"
         return str(unicorn.UcError(kind)).split(" (UC_ERR")[0].lower()
+
+
+def _is_device(address: int) -> bool:
+    return any(
+        base <= address < base + size
+        for base, size in (
+            (peripherals.PERIPHERALS, peripherals.PERIPHERALS_SIZE),
+            (peripherals.SYSTEM, peripherals.SYSTEM_SIZE),
+        )
+    )
+
+
+def _accesses(address: int, count: int) -> Iterator[tuple[int, int]]:
+    """The aligned accesses of 4, 2 or 1 bytes that cover `count` bytes: (address, size)."""
+    end = address + count
+    while address < end:
+        size = next(s for s in (4, 2, 1) if address % s == 0 and address + s <= end)
+        yield address, size
+        address += size
 
 
 def _aligned(size: int, fill: int = 0) -> NDArray[np.uint8]:
@@ -187,14 +294,29 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
                 uc._uch, base, size, ctypes.c_void_p(read.address), user, ctypes.c_void_p(write.address), user
             )
         )
-    _hook(library, uc, unicorn.UC_HOOK_BLOCK, blocks.on_block.address, user)
-    _hook(library, uc, unicorn.UC_HOOK_INTR, core.on_interrupt.address, user)
+    _hook(uc, unicorn.UC_HOOK_BLOCK, blocks.on_block.address, user)
+    _hook(uc, unicorn.UC_HOOK_INTR, core.on_interrupt.address, user)
     return uc
 
 
-def _hook(library: ctypes.CDLL, uc: "unicorn.Uc", kind: int, address: int, user: ctypes.c_void_p) -> None:
+def _hook(uc: "unicorn.Uc", kind: int, callback: int, user: ctypes.c_void_p, at: int | None = None) -> int:
+    """Have `callback` called, for the instruction at `at` or for all; the hook's handle."""
+    from unicorn.unicorn_py3 import unicorn as binding
+
     handle = ctypes.c_size_t()
-    _checked(library.uc_hook_add(uc._uch, ctypes.byref(handle), kind, ctypes.c_void_p(address), user, 1, 0))
+    first, last = (ctypes.c_uint64(edge) for edge in ((1, 0) if at is None else (at, at)))
+    _checked(
+        binding.uclib.uc_hook_add(
+            uc._uch, ctypes.byref(handle), kind, ctypes.c_void_p(callback), user, first, last
+        )
+    )
+    return handle.value
+
+
+def _unhook(uc: "unicorn.Uc", handle: int) -> None:
+    from unicorn.unicorn_py3 import unicorn as binding
+
+    _checked(binding.uclib.uc_hook_del(uc._uch, ctypes.c_size_t(handle)))
 
 
 def _checked(error: int) -> None:

@@ -27,6 +27,9 @@ from targets.mcu.state import (
     State,
 )
 
+NOWHERE = 1
+"""An address at which no instruction can lie: the engine stops at none."""
+
 _WIDTH = {types.int64: 64, types.int32: 32}
 
 
@@ -56,9 +59,12 @@ _memory = _caller(types.int64, types.int64, types.int64, types.int64)
 
 
 @njit(cache=True)
-def start(S: State, address: int) -> int:
-    """Run from `address` until a hook stops the engine or the core waits; unicorn's error code."""
-    return _start(S[FN_START], (S[UC], address, 0, 0, 0))
+def start(S: State, address: int, count: int) -> int:
+    """Run from `address` until a hook stops the engine, the core waits, or `count` instructions have run.
+
+    count: 0 for any number. Returns unicorn's error code.
+    """
+    return _start(S[FN_START], (S[UC], address, NOWHERE, 0, count))
 
 
 @njit(cache=True)

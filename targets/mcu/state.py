@@ -35,7 +35,7 @@ RAM_BLOCKS = 29  # executed outside flash
 
 # Run loop
 ATTEND = 32  # 1: stop at the next block; 2: stop when PRIMASK clears
-STOPPED = 33  # a hook stopped the engine (else it was WFI)
+STOPPED = 33  # a hook stopped the engine, and which (else it was WFI)
 SLEEPING = 34
 PC = 35
 ERROR = 36  # unicorn's error code
@@ -102,6 +102,10 @@ UNMODELLED_MAX = 64
 STACK = 600
 
 # 1024..1279: core and system
+BLOCK = 1024  # start of the basic block charged last
+COUNT = 1025  # instructions to run before stopping, 0 for any number
+BREAK_PASSED = 1026  # address of a breakpoint that does not stop this once
+
 # 1280..1535: bxCAN
 # 1536..3071: other devices
 # 3072..4095: time
