@@ -113,9 +113,7 @@ def _accept(host: str, port: int, command: str) -> socket.socket:
         raise DebuggerError(f"{host}:{port}: {(error.strerror or str(error)).lower()}") from None
     with server:
         place = f"{host if host != LOOPBACK else ''}:{server.getsockname()[1]}"
-        typer.echo(
-            f"halted in reset; connect with: gdb-multiarch -ex 'target remote {place}' {elf}", err=True
-        )
+        typer.echo(f"halted in reset; connect with: {command} -ex 'target remote {place}'", err=True)
         connection, _ = server.accept()
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return connection

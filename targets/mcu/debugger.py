@@ -83,7 +83,8 @@ class Debugger:
         """r0 to r12, sp, lr, pc, xpsr, msp, psp, primask, basepri, faultmask, control, d0 to d15, fpscr."""
         values = self.mcu.registers()
         doubles = {f"d{k}": values[f"s{2 * k}"] | values[f"s{2 * k + 1}"] << 32 for k in range(16)}
-        return values | doubles
+        # CONTROL has three bits; the engine's others are ARMv8-M's.
+        return values | doubles | {"control": values["control"] & 7}
 
     def write_register(self, name: str, value: int) -> None:
         """Set one of `registers`."""

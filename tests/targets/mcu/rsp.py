@@ -17,6 +17,7 @@ class Client:
     def __init__(self, exchange: Callable[[bytes], bytes]) -> None:
         self._exchange = exchange
         self._decoder = Decoder()
+        self._breakpoints: set[int] = set()
 
     def ask(self, request: bytes) -> bytes:
         """The reply to `request`; console output that comes before a stop reply is passed over."""
@@ -52,11 +53,12 @@ class Client:
         self.do(b"P%x=%b" % (number, value.to_bytes(4, "little").hex().encode()))
 
     def run_to(self, address: int) -> None:
-        """Continue until the program is about to execute `address`."""
-        self.do(b"Z1,%x,2" % address)
+        """Continue until the program is about to execute `address`; the breakpoint there stays."""
+        if address not in self._breakpoints:
+            self.do(b"Z1,%x,2" % address)
+            self._breakpoints.add(address)
         reply = self.ask(b"vCont;c")
         assert reply.startswith(b"T05"), reply
-        self.do(b"z1,%x,2" % address)
         assert self.register(15) == address
 
     def call(self, function: int, *arguments: int, back: int) -> int:
