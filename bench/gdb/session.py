@@ -8,7 +8,7 @@ means (stub), how the machine halts.
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, NoReturn, Protocol
 
-from bench.gdb.stub import BAD_ACCESS, INTERRUPTED, TRAPPED, Debuggee, Stop, Stub, Want
+from bench.gdb.stub import FAULTED, INTERRUPTED, TRAPPED, Debuggee, Stop, Stub, Want
 from bench.watch import Watch
 from targets.ecu import Ecu, Frame, Transmission
 from targets.errors import FirmwareFault
@@ -109,9 +109,6 @@ class Session:
             machine = self._machine
             try:
                 if self._stub.want is Want.STEP:
-                    # What falls due at this instant, a frame for example, comes before the instruction.
-                    if machine.now_ns >= t_ns:
-                        return None
                     if machine.step(t_ns):
                         self._halt = Stop(TRAPPED, machine.hit)
                     until_ns = machine.now_ns
@@ -121,7 +118,7 @@ class Session:
                 if machine.hit:
                     self._halt = Stop(TRAPPED, machine.hit)
             except FirmwareFault as fault:
-                self._halt = Stop(BAD_ACCESS, text=f"{fault.side}: {fault}\n")
+                self._halt = Stop(FAULTED, text=f"{fault.side}: {fault}\n")
                 continue
             if not self._halt:
                 self._listen()

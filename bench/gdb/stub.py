@@ -19,8 +19,8 @@ from bench.gdb.wire import Decoder, Event, Mark, Packet, encode
 PACKET_SIZE = 0x4000
 THREAD = "1"
 
-INTERRUPTED, ILLEGAL, TRAPPED, BAD_ACCESS = 2, 4, 5, 11
-"""Signal numbers as GDB counts them: SIGINT, SIGILL, SIGTRAP, SIGSEGV."""
+INTERRUPTED, TRAPPED, FAULTED = 2, 5, 11
+"""Signal numbers as GDB counts them: SIGINT, SIGTRAP, SIGSEGV."""
 
 POINTS = {"0": "break", "1": "break", "2": "write", "3": "read", "4": "access"}
 """Types of Z packets. A breakpoint is the machine's either way: none is written into the program."""

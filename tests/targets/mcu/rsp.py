@@ -2,10 +2,16 @@
 
 from collections.abc import Callable
 
+from bench.gdb.stub import TRAPPED, Stop, Stub, Want
 from bench.gdb.wire import Decoder, Packet, encode
+from targets.mcu.debugger import Debugger
+from targets.mcu.machine import Stm32f405
 
 CHUNK = 1024
 """Bytes of memory to a packet; QEMU's hold twice as many."""
+
+PATIENCE_NS = 3600 * 1_000_000_000
+"""Of the emulated machine: what runs for longer will not come to its breakpoint."""
 
 
 class Client:
@@ -69,3 +75,19 @@ class Client:
         self.set_register(15, function)
         self.run_to(back)
         return self.register(0)
+
+
+def connect(mcu: Stm32f405) -> Client:
+    """A debugger's connection to our own machine, which runs by itself, on no bus."""
+    probe = Debugger(mcu)
+    stub = Stub(probe, {})
+
+    def exchange(data: bytes) -> bytes:
+        out = stub.receive(data)
+        if stub.want is Want.RUN:
+            probe.resume()
+            mcu.run(probe.now_ns + PATIENCE_NS)
+            out += stub.stopped(Stop(TRAPPED, probe.hit))
+        return out
+
+    return Client(exchange)

@@ -13,19 +13,17 @@ from itertools import groupby
 import pytest
 
 from bench.codec import Codec
-from bench.gdb.stub import TRAPPED, Stop, Stub, Want
 from bench.laps.lap import Lap
 from bench.mdlog.logger import schedule
 from bench.sensors.codes import acquire
 from targets.calibration import load as load_calibration
 from targets.ecus import CALIBRATIONS
 from targets.firmware import ELF
-from targets.mcu.debugger import Debugger
 from targets.mcu.image import Image, load
 from targets.mcu.machine import Stm32f405
 from tests.conftest import wavy_lap
 from tests.targets.mcu import qemu
-from tests.targets.mcu.rsp import Client
+from tests.targets.mcu.rsp import connect
 
 pytestmark = [
     pytest.mark.qemu,
@@ -45,36 +43,28 @@ class Ours:
         import capstone
         import unicorn
 
-        self._probe = Debugger(Stm32f405(image))
-        self._stub = Stub(self._probe, {})
+        self._mcu = Stm32f405(image)
+        self.client = connect(self._mcu)
         self._count = 0
         self._block = (0, 0)
-        self.client = Client(self._exchange)
         engine = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)
-        uc = self._probe.mcu._engine
 
         @cache
         def length(address: int, size: int) -> int:
-            return sum(1 for _ in engine.disasm_lite(bytes(uc.mem_read(address, size)), address))
+            return sum(1 for _ in engine.disasm_lite(self._mcu.read_memory(address, size), address))
 
         def on_block(uc: object, address: int, size: int, user: object) -> None:
             self._block = (address, length(address, size))
             self._count += self._block[1]
 
-        uc.hook_add(unicorn.UC_HOOK_BLOCK, on_block)
+        self._mcu._engine.hook_add(unicorn.UC_HOOK_BLOCK, on_block)
 
     def instructions(self) -> int:
+        """Instructions executed so far; the machine has halted before a block it had already entered."""
+        assert self._block[0] == self._mcu.pc
+        self._count -= self._block[1]
+        self._block = (self._mcu.pc, 0)
         return self._count
-
-    def _exchange(self, data: bytes) -> bytes:
-        out = self._stub.receive(data)
-        if self._stub.want is Want.RUN:
-            self._probe.resume()
-            self._probe.mcu.run(self._probe.now_ns + 1_000_000_000)
-            if self._block[0] == self._probe.mcu.pc:
-                self._count -= self._block[1]  # it halted before the block it had entered
-            out += self._stub.stopped(Stop(TRAPPED, self._probe.hit))
-        return out
 
 
 def cycles_of_frames() -> list[list[bytes]]:
