@@ -41,3 +41,9 @@ class RecordError(BenchError):
     """A recording or result file cannot be written."""
 
     side = "record"
+
+
+class DebuggerError(BenchError):
+    """No debugger can connect."""
+
+    side = "gdb"

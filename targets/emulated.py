@@ -53,7 +53,7 @@ class EmulatedEcu:
         self.mcu.flash[self.calibration_at :][: len(content)] = np.frombuffer(content, dtype=np.uint8)
 
     def advance(self, t_ns: int) -> Transmission | None:
-        """Run the firmware until `t_ns` or its next transmit request."""
+        """Run the firmware until `t_ns` or its next transmit request; None also at a breakpoint."""
         if not self._waiting:
             if self.mcu.run(t_ns) != TRANSMIT:
                 return None

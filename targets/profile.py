@@ -1,7 +1,7 @@
 """Where the cycles of a step go: by function, by source line, by instruction.
 
 The cycle model charges basic blocks; a block's charge is split over its instructions by when each executes,
-and what entering it cost besides belongs to the branch that led there. Belongs here: counting. Never: a table.
+and what entering it cost besides belongs to the branch that led there. Belongs here: counting.
 """
 
 from collections import Counter

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bench.cli import firmware_image, firmware_timing
+from bench.cli import firmware_image, firmware_timing, gdb
 from bench.cli.options import EcuName, Elf, Map, Model, Repair, SensorSeed, SensorsName
 
 if TYPE_CHECKING:
@@ -21,10 +21,10 @@ app = typer.Typer(
     help="The firmware and what it implements.", no_args_is_help=True, pretty_exceptions_enable=False
 )
 
-
 app.command()(firmware_image.build)
 app.command()(firmware_image.size)
 app.command()(firmware_timing.timing)
+app.command()(gdb.gdb)
 
 
 @app.command()

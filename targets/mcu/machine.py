@@ -113,7 +113,9 @@ class Stm32f405:
         """
         S = self.state
         S[state.UNTIL_NS] = until_ns
-        S[state.BREAK_PASSED] = S[state.PC] if self._breakpoints else -1
+        # A core asleep has not come to the instruction at its program counter.
+        passes = self._breakpoints and not S[state.SLEEPING]
+        S[state.BREAK_PASSED] = S[state.PC] if passes else -1
         self._stepping = False
         return self._run()
 
