@@ -5,10 +5,9 @@ due.
 from typing import Any
 
 from numba import carray, types
-from unicorn import arm_const as arm
 
 from targets.jit import cfunc, njit
-from targets.mcu import native
+from targets.mcu import attention, native
 from targets.mcu.state import (
     ATTEND,
     BLOCK,
@@ -26,7 +25,6 @@ from targets.mcu.state import (
 )
 
 FLASH = 0x08000000
-REG_PRIMASK = arm.UC_ARM_REG_PRIMASK
 
 AT_BLOCK = 1
 """STOPPED by the block hook, which puts the block's address into PC: the engine's own may be stale."""
@@ -59,10 +57,7 @@ def on_block(engine: Any, address: int, size: int, user: Any) -> None:
     """uc_cb_hookcode_t of basic blocks: charge the block, or stop before it."""
     head = carray(user, (COST,), types.int64)
     at = types.int64(address)
-    if head[CYCLES] >= head[DEADLINE] or head[ATTEND] == 1:
-        _stop(head, at)
-        return
-    if head[ATTEND] == 2 and native.get_register(head, REG_PRIMASK) & 1 == 0:
+    if head[CYCLES] >= head[DEADLINE] or (head[ATTEND] != 0 and attention.stops(head, at, size)):
         _stop(head, at)
         return
     if at != head[NEXT]:

@@ -1,58 +1,59 @@
 """The core's run loop: exceptions in and out, device events, sleep. All compiled.
 
-unicorn executes instructions; what it lacks on Cortex-M is done here: exception entry and return with FP
-context, WFI, and the stop at a deadline or a device's next event. Time passes in `blocks`.
+unicorn executes instructions; what it lacks on Cortex-M is done around it: `exceptions` takes and leaves
+them, `traps` says why it stopped, and here is the stop at a deadline or a device's next event. Time passes in
+`blocks`.
 """
 
-from typing import Any
-
-from numba import carray, types
 from unicorn import arm_const as arm
 
-from targets.jit import cfunc, njit
-from targets.mcu import blocks, events, native, nvic
-from targets.mcu.clock import cycles_at
+from targets.jit import njit
+from targets.mcu import attention, blocks, events, exceptions, faulting, faults, native, preemption, traps
+from targets.mcu.clock import cycles_at, now_ns
+from targets.mcu.preemption import NEVER_NS
 from targets.mcu.state import (
-    ACTIVE_DEPTH,
     ATTEND,
     BLOCK,
-    BREAK_PASSED,
     CAN_TX_NEW,
-    COST,
     COUNT,
-    CPACR,
     CYCLES,
     DEADLINE,
-    ENTRY_CYCLES,
     ERROR,
-    EXIT_CYCLES,
+    EVENT,
+    FAULTED_NS,
+    HALT_ON_BKPT,
+    MASKED_NS,
     NEXT,
+    PATIENCE_NS,
     PC,
     RESET_REQUEST,
-    RETURNING,
+    SET_UP,
     SLEEPING,
-    STACK,
     STOPPED,
-    TAIL_CYCLES,
+    THUMB,
+    TRAP,
     UNTIL_NS,
-    VTOR,
+    WAITING,
     State,
 )
 
-REG_PC, REG_SP, REG_LR, REG_R12 = arm.UC_ARM_REG_PC, arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR, arm.UC_ARM_REG_R12
-REG_R0, REG_S0, REG_FPSCR = arm.UC_ARM_REG_R0, arm.UC_ARM_REG_S0, arm.UC_ARM_REG_FPSCR
-REG_XPSR, REG_PRIMASK = arm.UC_ARM_REG_XPSR, arm.UC_ARM_REG_PRIMASK
-EXC_RETURN_INTNO = 8
+REG_PC, REG_SP, REG_LR = arm.UC_ARM_REG_PC, arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR
+REG_R0, REG_S0, REG_FPSCR, REG_XPSR = (
+    arm.UC_ARM_REG_R0,
+    arm.UC_ARM_REG_S0,
+    arm.UC_ARM_REG_FPSCR,
+    arm.UC_ARM_REG_XPSR,
+)
 
 REGISTERS = {
-    **{f"r{k}": arm.UC_ARM_REG_R0 + k for k in range(13)},
+    **{f"r{k}": REG_R0 + k for k in range(13)},
     "sp": REG_SP,
     "lr": REG_LR,
     "pc": REG_PC,
     "xpsr": REG_XPSR,
     "msp": arm.UC_ARM_REG_MSP,
     "psp": arm.UC_ARM_REG_PSP,
-    "primask": REG_PRIMASK,
+    "primask": arm.UC_ARM_REG_PRIMASK,
     "basepri": arm.UC_ARM_REG_BASEPRI,
     "faultmask": arm.UC_ARM_REG_FAULTMASK,
     "control": arm.UC_ARM_REG_CONTROL,
@@ -62,119 +63,8 @@ REGISTERS = {
 """A debugger's names of the core registers, to unicorn's numbers."""
 
 # What `run` stopped for
-TIME, TRANSMIT, FAULT, RESET, BREAKPOINT, STEP = range(6)
-
-# Beside blocks.AT_BLOCK in STOPPED
-AT_INTERRUPT, AT_BREAKPOINT = 2, 3
-
-# Further codes in ERROR beside unicorn's own
-ERROR_STACK, ERROR_INTERRUPT = 1000, 1001
-
-BASIC_FRAME, FP_FRAME = 32, 104
-
-
-@cfunc(types.void(types.voidptr, types.uint32, types.voidptr), cache=True)
-def on_interrupt(engine: Any, number: int, user: Any) -> None:
-    """uc_cb_hookintr_t: EXC_RETURN, or an exception that only a fault handler could take."""
-    S = carray(user, (COST,), types.int64)
-    if number == EXC_RETURN_INTNO:
-        S[RETURNING] = 1
-    else:
-        S[ERROR] = ERROR_INTERRUPT + (types.int64(number) << 16)
-    S[STOPPED] = AT_INTERRUPT
-    native.stop(S)
-
-
-@cfunc(types.void(types.voidptr, types.uint64, types.uint32, types.voidptr), cache=True)
-def on_breakpoint(engine: Any, address: int, size: int, user: Any) -> None:
-    """uc_cb_hookcode_t of an instruction with a breakpoint: stop before it."""
-    S = carray(user, (COST,), types.int64)
-    if S[BREAK_PASSED] == types.int64(address):
-        S[BREAK_PASSED] = -1
-        return
-    S[STOPPED] = AT_BREAKPOINT
-    native.stop(S)
-
-
-@njit(cache=True)
-def enter_exception(S: State, irq: int) -> None:
-    """Exception entry (ARMv7-M B1.5.6): stack the context, load the vector."""
-    sp = native.get_register(S, REG_SP)
-    fp = S[CPACR] >> 20 & 0xF == 0xF
-    # Lazy stacking only leaves room for the FP registers; to a program the difference shows in time alone.
-    size = FP_FRAME if fp else BASIC_FRAME
-    align = 4 if sp & 4 else 0
-    sp -= size + align
-    xpsr = native.get_register(S, REG_XPSR) & ~0x1FF | nvic.current(S)
-    for k in range(4):
-        _put(S, k, native.get_register(S, REG_R0 + k))
-    _put(S, 4, native.get_register(S, REG_R12))
-    _put(S, 5, native.get_register(S, REG_LR))
-    _put(S, 6, S[PC])
-    _put(S, 7, xpsr | (1 << 9 if align else 0))
-    if fp:
-        for k in range(16):
-            _put(S, 8 + k, native.get_register(S, REG_S0 + k))
-        _put(S, 24, native.get_register(S, REG_FPSCR))
-        _put(S, 25, 0)
-    if native.write_memory(S, sp, STACK, size):
-        S[ERROR] = ERROR_STACK
-        return
-    lr = 0xFFFFFFF1 if S[ACTIVE_DEPTH] else 0xFFFFFFF9
-    native.set_register(S, REG_LR, lr & ~0x10 if fp else lr)
-    native.set_register(S, REG_SP, sp)
-    nvic.enter(S, irq)
-    # The handler starts outside any IT block: bits 26:25 and 15:10 cleared.
-    native.set_register(S, REG_XPSR, xpsr & ~0x0600FDFF | irq + 16 | 1 << 24)
-    native.read_memory(S, S[VTOR] + 4 * (irq + 16), STACK, 4)
-    S[PC] = S[STACK] & 0xFFFFFFFE
-    S[NEXT] = S[PC]
-    S[CYCLES] += S[ENTRY_CYCLES]
-
-
-@njit(cache=True)
-def leave_exception(S: State) -> None:
-    """Exception return (ARMv7-M B1.5.8): unstack, or tail-chain to the next pending handler."""
-    lr = S[PC]  # the EXC_RETURN value that was branched to
-    sp = native.get_register(S, REG_SP)
-    fp = lr & 0x10 == 0
-    size = FP_FRAME if fp else BASIC_FRAME
-    if native.read_memory(S, sp, STACK, size):
-        S[ERROR] = ERROR_STACK
-        return
-    for k in range(4):
-        native.set_register(S, REG_R0 + k, _take(S, k))
-    native.set_register(S, REG_R12, _take(S, 4))
-    native.set_register(S, REG_LR, _take(S, 5))
-    S[PC] = _take(S, 6) & 0xFFFFFFFE
-    xpsr = _take(S, 7)
-    if fp:
-        for k in range(16):
-            native.set_register(S, REG_S0 + k, _take(S, 8 + k))
-        native.set_register(S, REG_FPSCR, _take(S, 24))
-    native.set_register(S, REG_SP, sp + size + (4 if xpsr >> 9 & 1 else 0))
-    nvic.leave(S)
-    native.set_register(S, REG_XPSR, xpsr & ~(1 << 9) | 1 << 24)
-    S[NEXT] = S[PC]
-    # The next handler, if one waits, is reached without unstacking and stacking again.
-    if nvic.candidate(S) >= 0:
-        S[CYCLES] += S[TAIL_CYCLES] - S[ENTRY_CYCLES]
-    else:
-        S[CYCLES] += S[EXIT_CYCLES]
-
-
-@njit(cache=True)
-def _put(S: State, word: int, value: int) -> None:
-    slot, high = STACK + word // 2, word & 1
-    if high:
-        S[slot] = S[slot] & 0xFFFFFFFF | value << 32
-    else:
-        S[slot] = value & 0xFFFFFFFF
-
-
-@njit(cache=True)
-def _take(S: State, word: int) -> int:
-    return S[STACK + word // 2] >> (32 * (word & 1)) & 0xFFFFFFFF
+TIME, TRANSMIT, FAULT, RESET, BREAKPOINT, STEP, MORE_HOOKS = range(7)
+GO_ON = -1
 
 
 @njit(cache=True)
@@ -184,48 +74,111 @@ def run(S: State) -> int:
     Time may pass UNTIL_NS by the length of one basic block or exception entry.
     """
     while True:
+        events.service(S)
         if S[RESET_REQUEST]:
             return RESET
         if S[CAN_TX_NEW]:
             return TRANSMIT
-        events.service(S)
+        if S[SET_UP]:
+            return MORE_HOOKS
         until = cycles_at(S, S[UNTIL_NS])
         if S[CYCLES] >= until:
             return TIME
         S[DEADLINE] = min(until, events.due(S))
-        irq = nvic.candidate(S)
-        S[ATTEND] = 0
-        if irq >= 0:
-            S[SLEEPING] = 0  # a masked interrupt ends WFI, too
-            if native.get_register(S, REG_PRIMASK) & 1:
-                S[ATTEND] = 2
-            else:
-                enter_exception(S, irq)
-                if S[ERROR]:
-                    return FAULT
-        elif S[SLEEPING]:
-            S[CYCLES] = S[DEADLINE]
-            continue
-        S[STOPPED] = 0
-        S[BLOCK] = -1  # none yet
-        error = native.start(S, S[PC] | 1, S[COUNT])
-        if S[STOPPED] != blocks.AT_BLOCK:
-            S[PC] = native.get_register(S, REG_PC) & 0xFFFFFFFF
-        if error and S[ERROR] == 0:
-            S[ERROR] = error
+        S[ATTEND] = attention.watches(S)
+        _preempt(S)
+        _lose_patience(S)
         if S[ERROR]:
             return FAULT
-        if S[RETURNING]:
-            S[RETURNING] = 0
-            leave_exception(S)
-            if S[ERROR]:
-                return FAULT
-        elif S[STOPPED] == AT_BREAKPOINT:
-            blocks.refund(S, S[PC])
-            return BREAKPOINT
-        elif not S[STOPPED] and S[PC] == S[NEXT]:
-            S[SLEEPING] = 1
-        if S[COUNT] and S[BLOCK] >= 0:
-            if S[STOPPED] != blocks.AT_BLOCK:
-                blocks.refund(S, S[PC])
-            return STEP
+        if S[SLEEPING] and not _wakes(S):
+            exceptions.charge(S, S[DEADLINE] - S[CYCLES])
+            continue
+        reason = _execute(S)
+        if S[ERROR]:
+            return FAULT
+        if reason != GO_ON:
+            return reason
+
+
+@njit(cache=True)
+def _preempt(S: State) -> None:
+    """Take the exception that is due, or watch for the mask register that holds it back."""
+    preemption.note_pending(S)
+    following = preemption.candidate(S)
+    if following == 0:
+        S[MASKED_NS] = NEVER_NS
+        return
+    if preemption.admits(S, following, True):
+        S[MASKED_NS] = NEVER_NS
+        S[SLEEPING] = exceptions.AWAKE
+        exceptions.enter(S, following)
+        return
+    S[WAITING] = following
+    S[ATTEND] |= attention.MASKED
+    if not preemption.disabled(S):
+        S[MASKED_NS] = NEVER_NS
+    elif S[MASKED_NS] == NEVER_NS:
+        S[MASKED_NS] = now_ns(S)
+    if S[SLEEPING] == exceptions.IN_WFI and preemption.admits(S, following, False):
+        S[SLEEPING] = exceptions.AWAKE  # PRIMASK keeps the handler from running, not the core from waking
+
+
+@njit(cache=True)
+def _lose_patience(S: State) -> None:
+    """Interrupts that stay disabled with one waiting, or the handler of a fault that runs on, end the run."""
+    if S[MASKED_NS] != NEVER_NS:
+        at = cycles_at(S, S[MASKED_NS] + S[PATIENCE_NS])
+        S[DEADLINE] = min(S[DEADLINE], at)
+        if S[CYCLES] >= at:
+            faulting.end(S, faults.MASKED, S[WAITING])
+    if S[FAULTED_NS] != NEVER_NS:
+        at = cycles_at(S, S[FAULTED_NS] + S[PATIENCE_NS])
+        S[DEADLINE] = min(S[DEADLINE], at)
+        if S[CYCLES] >= at:
+            S[ERROR] = faults.HANDLER_STUCK
+
+
+@njit(cache=True)
+def _wakes(S: State) -> bool:
+    """Whether WFE has come to its end by an event."""
+    if S[SLEEPING] == exceptions.IN_WFE and S[EVENT]:
+        S[EVENT] = 0
+        S[SLEEPING] = exceptions.AWAKE
+    return S[SLEEPING] == exceptions.AWAKE
+
+
+@njit(cache=True)
+def _execute(S: State) -> int:
+    """Run the engine once and act on why it stopped; GO_ON, or a reason to stop the run."""
+    if not S[THUMB]:
+        S[THUMB] = 1
+        traps.take_fault(S, faults.INVALID_STATE, S[PC])
+        return GO_ON
+    S[STOPPED] = 0
+    S[BLOCK] = -1  # none yet
+    error = native.start(S, S[PC] | 1, S[COUNT])
+    if S[STOPPED] == blocks.AT_BLOCK:
+        # With a count set the hook may have stopped at the block after its instruction.
+        return STEP if S[COUNT] and S[BLOCK] >= 0 else GO_ON
+    S[PC] = native.get_register(S, REG_PC) & 0xFFFFFFFF
+    behind = S[PC] == S[NEXT]  # a whole block has run, and what stopped the engine is its last instruction
+    blocks.refund(S, S[PC])
+    if S[STOPPED] == traps.AT_BREAKPOINT or _halts(S):
+        return BREAKPOINT
+    if S[STOPPED] == traps.AT_INTERRUPT:
+        traps.interrupted(S)
+    elif S[STOPPED] == traps.AT_DIVISION:
+        traps.take_fault(S, faults.DIVIDE_BY_ZERO, S[PC])
+    elif S[STOPPED] == traps.AT_FP:
+        traps.take_fault(S, faults.NO_COPROCESSOR, S[PC])
+    elif error:
+        traps.failed(S, error, behind)
+    elif behind:
+        S[SLEEPING] = exceptions.IN_WFI
+    return STEP if S[COUNT] else GO_ON
+
+
+@njit(cache=True)
+def _halts(S: State) -> bool:
+    """Whether a debugger takes the BKPT that unicorn stopped with."""
+    return S[STOPPED] == traps.AT_INTERRUPT and S[TRAP] == traps.BKPT and S[HALT_ON_BKPT] != 0

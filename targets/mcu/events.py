@@ -5,17 +5,19 @@ what has fallen due by CYCLES. The run loop calls both; between them no device n
 """
 
 from targets.jit import njit
+from targets.mcu import systick
 from targets.mcu.state import State
 
-NEVER = 1 << 62
+NEVER = systick.NEVER
 
 
 @njit(cache=True)
 def due(S: State) -> int:
     """CPU cycles at which the next device event falls due, NEVER if there is none."""
-    return NEVER
+    return systick.due(S)
 
 
 @njit(cache=True)
 def service(S: State) -> None:
     """Do what has fallen due."""
+    systick.service(S)

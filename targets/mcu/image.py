@@ -39,6 +39,10 @@ class Image:
         inside = FLASH <= address < FLASH + len(self.flash)
         return self.functions[k][1] if k >= 0 and inside else ""
 
+    def line_at(self, address: int) -> str:
+        """`file:line` of the instruction at `address`, '' if it is unknown."""
+        return ""
+
 
 def load(path: Path) -> Image:
     """Read an ELF file; FirmwareError for anything that this MCU could not run."""

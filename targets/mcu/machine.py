@@ -2,13 +2,30 @@
 
 import ctypes
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from targets.errors import FirmwareError, FirmwareFault
-from targets.mcu import blocks, bxcan, clock, core, cycles, native, peripherals, rcc, scs, state
+from targets.errors import FirmwareError
+from targets.mcu import (
+    attention,
+    blocks,
+    bxcan,
+    clock,
+    core,
+    cycles,
+    diagnosis,
+    faults,
+    native,
+    peripherals,
+    preemption,
+    rcc,
+    scs,
+    sites,
+    state,
+    traps,
+)
 from targets.mcu.image import FLASH, Image
 
 if TYPE_CHECKING:
@@ -21,38 +38,43 @@ CODE_SIZE = 0x100000
 TRANSLATED_SIZE = 32 << 20
 """Room for translated code, bytes: a megabyte of flash many times over."""
 
-_EXCEPTIONS = {
-    1: "undefined instruction",
-    2: "supervisor call without a handler",
-    3: "instruction fetch outside memory",
-    4: "data abort",
-    7: "breakpoint instruction",
-    18: "instruction in ARM state",
-}
-"""The engine's exception numbers that no handler of a firmware for this MCU takes here."""
-
 TIME, TRANSMIT, FAULT, RESET = core.TIME, core.TRANSMIT, core.FAULT, core.RESET
 BREAKPOINT, STEP = core.BREAKPOINT, core.STEP
 
 MS = 1_000_000
+
+OnFault = Literal["stop", "take"]
 
 
 class Stm32f405:
     """The emulated microcontroller with `image` in flash, in reset until the first `run`.
 
     power_on_ns: the instant at which the supply comes up, which may lie before 0.
+    on_fault: "stop" ends the run with HardFault, and with MemManage, BusFault or UsageFault unless it has a
+    handler of its own; "take" runs every handler. Either ends it with lockup, a handler that is an endless
+    loop or runs for longer than patience_ns, and interrupts that are disabled for as long while one waits.
     flash: uint8, the flash memory itself; what is written to it the program sees (code: see `patch`).
     """
 
-    def __init__(self, image: Image, power_on_ns: int = 0) -> None:
+    def __init__(
+        self, image: Image, power_on_ns: int = 0, on_fault: OnFault = "stop", patience_ns: int = 1000 * MS
+    ) -> None:
         self.image = image
+        self._on_fault = {"stop": faults.STOP, "take": faults.TAKE}[on_fault]
+        self._patience_ns = patience_ns
+        self._division_hooks: list[int] = []
+        self._fp_hooks: list[int] = []
+        self._stepping = False
         self.flash = _aligned(CODE_SIZE, fill=0xFF)
         self.flash[: len(image.flash)] = np.frombuffer(image.flash, dtype=np.uint8)
         self._sram = _aligned(SRAM_SIZE)
         self._ccm = _aligned(CCM_SIZE)
         self.state = state.allocate(len(image.flash))
+        for k, (address, content) in enumerate(((FLASH, self.flash), (SRAM, self._sram), (CCM, self._ccm))):
+            self.state[state.MEMORIES + 3 * k :][:3] = (address, len(content), content.ctypes.data)
         self._breakpoints: list[int] = []
         self._engine = _engine(self)
+        self._hook_sites(traps.on_send_event, sites.send_events(image))
         self._reset(power_on_ns)
 
     def _reset(self, t_ns: int) -> None:
@@ -74,18 +96,24 @@ class Stm32f405:
         native.set_register(S, core.REG_SP, stack)
         native.set_register(S, core.REG_LR, 0xFFFFFFFF)
         S[state.PC] = S[state.NEXT] = entry & ~1
+        S[state.THUMB] = entry & 1
+        S[state.ON_FAULT] = self._on_fault
+        S[state.PATIENCE_NS] = self._patience_ns
+        S[state.MASKED_NS] = S[state.FAULTED_NS] = preemption.NEVER_NS
+        S[state.FPU_WATCH] = attention.BY_BLOCK if sites.fp(self.image) else attention.UNUSED
 
     def run(self, until_ns: int) -> int:
         """Run until `until_ns`; TIME, or TRANSMIT earlier if a mailbox asks for the bus, or BREAKPOINT.
 
         A breakpoint stops before its instruction; run again from there, it lets that instruction pass.
-        Raises FirmwareFault if the program did what only a fault handler could answer.
+        Raises FirmwareFault if the program did what ends a run (see on_fault), or asked for a reset.
         """
         S = self.state
         S[state.UNTIL_NS] = until_ns
         # A core asleep has not come to the instruction at its program counter.
         passes = self._breakpoints and not S[state.SLEEPING]
         S[state.BREAK_PASSED] = S[state.PC] if passes else -1
+        self._stepping = False
         return self._run()
 
     def step(self, until_ns: int | None = None) -> int:
@@ -98,17 +126,22 @@ class Stm32f405:
         S[state.UNTIL_NS] = self.now_ns + 1000 * MS if until_ns is None else until_ns
         S[state.BREAK_PASSED] = S[state.PC]
         S[state.COUNT] = 1
+        if not self._stepping:
+            self._engine.ctl_flush_tb()  # what has been translated does not count instructions
+            self._stepping = True
         try:
             return self._run()
         finally:
             S[state.COUNT] = 0
 
     def _run(self) -> int:
-        reason = int(core.run(self.state))
+        S = self.state
+        while (reason := int(core.run(S))) == core.MORE_HOOKS:
+            self._install_hooks()
         if reason == FAULT:
-            raise FirmwareFault(f"{self._fault()} at {self.where()}")
+            raise diagnosis.fault(S, self.image)
         if reason == RESET:
-            raise FirmwareFault(f"the firmware asked for a system reset at {self.where()}")
+            raise diagnosis.reset(S, self.image, self.registers())
         return reason
 
     @property
@@ -133,16 +166,8 @@ class Stm32f405:
 
     def set_breakpoints(self, addresses: Iterable[int]) -> None:
         """Stop before the instructions at `addresses`, and no longer at those set before."""
-        import unicorn
-
-        for handle in self._breakpoints:
-            _unhook(self._engine, handle)
-        user = ctypes.c_void_p(state.as_pointer(self.state))
-        self._breakpoints = [
-            _hook(self._engine, unicorn.UC_HOOK_CODE, core.on_breakpoint.address, user, at & ~1)
-            for at in sorted(set(addresses))
-        ]
-        self._engine.ctl_flush_tb()
+        sites = sorted({at & ~1 for at in addresses})
+        self._breakpoints = self._hook_sites(traps.on_breakpoint, sites, self._breakpoints)
 
     def registers(self) -> dict[str, int]:
         """The core registers by name: r0 to r12, sp, lr, pc, xpsr, msp, psp, primask, ..., s0 to s31."""
@@ -160,9 +185,8 @@ class Stm32f405:
             native.set_register(S, core.REGISTERS[name], value & 0xFFFFFFFF)
 
     def where(self) -> str:
-        """The program counter and the function it is in."""
-        name = self.image.function_at(self.pc)
-        return f"pc {self.pc:#010x}" + (f" in {name}" if name else "")
+        """The program counter, the function it is in, and the source line."""
+        return diagnosis.place(self.image, self.pc)
 
     def unmodelled(self) -> dict[int, int]:
         """Addresses of registers that were accessed and are not modelled: address -> times."""
@@ -219,16 +243,29 @@ class Stm32f405:
         self.flash[at : at + len(data)] = np.frombuffer(data, dtype=np.uint8)
         self._engine.ctl_remove_cache(address, address + len(data))
 
-    def _fault(self) -> str:
+    def _install_hooks(self) -> None:
+        """Put in place what the firmware has come to need since it was started."""
+        S = self.state
+        wanted = int(S[state.SET_UP])
+        S[state.SET_UP] = 0
+        if wanted & faults.DIVISIONS and not self._division_hooks:
+            self._division_hooks = self._hook_sites(traps.on_division, sites.divisions(self.image))
+        if wanted & faults.FPU_OFF:
+            self._fp_hooks = self._hook_sites(traps.on_fp, sites.fp(self.image))
+        elif wanted & faults.FPU_ON and self._fp_hooks and attention.has_fpu(S):
+            self._fp_hooks = self._hook_sites(traps.on_fp, (), self._fp_hooks)
+            S[state.FPU_WATCH] = attention.BY_BLOCK
+
+    def _hook_sites(self, callback: Any, addresses: Iterable[int], instead: Iterable[int] = ()) -> list[int]:
+        """Have `callback` called before each of these instructions, and no longer by the hooks `instead`."""
         import unicorn
 
-        code = int(self.state[state.ERROR])
-        number, kind = code >> 16, code & 0xFFFF
-        if kind == core.ERROR_INTERRUPT:
-            return _EXCEPTIONS.get(number, f"exception {number}")
-        if kind == core.ERROR_STACK:
-            return "exception frame outside memory"
-        return str(unicorn.UcError(kind)).split(" (UC_ERR")[0].lower()
+        user = ctypes.c_void_p(state.as_pointer(self.state))
+        for handle in instead:
+            _unhook(self._engine, handle)
+        hooks = [_hook(self._engine, unicorn.UC_HOOK_CODE, callback.address, user, at) for at in addresses]
+        self._engine.ctl_flush_tb()  # what has been translated calls the hooks of before
+        return hooks
 
 
 def _is_device(address: int) -> bool:
@@ -297,7 +334,8 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
             )
         )
     _hook(uc, unicorn.UC_HOOK_BLOCK, blocks.on_block.address, user)
-    _hook(uc, unicorn.UC_HOOK_INTR, core.on_interrupt.address, user)
+    _hook(uc, unicorn.UC_HOOK_INTR, traps.on_interrupt.address, user)
+    _hook(uc, unicorn.UC_HOOK_MEM_INVALID, traps.on_invalid.address, user)
     return uc
 
 

@@ -15,8 +15,6 @@ from numba.extending import intrinsic
 
 from targets.jit import njit
 from targets.mcu.state import (
-    FN_MEM_READ,
-    FN_MEM_WRITE,
     FN_REG_READ,
     FN_REG_WRITE,
     FN_START,
@@ -52,10 +50,39 @@ def _caller(*arguments: Any) -> Callable[..., Any]:
     return intrinsic(call)
 
 
+def _peeker(width: int) -> Callable[..., Any]:
+    """A compiled function from a host address to the unsigned number of `width` bits there."""
+
+    def peek(typingctx: Any, address: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            pointer = builder.inttoptr(args[0], ir.IntType(width).as_pointer())
+            return builder.zext(builder.load(pointer, align=1), ir.IntType(64))
+
+        return types.int64(types.int64), codegen
+
+    return intrinsic(peek)
+
+
+peek = _peeker(32)
+peek_half = _peeker(16)
+
+
+@intrinsic
+def poke(typingctx: Any, address: Any, value: Any) -> Any:
+    """Write the low 32 bits of `value` at a host address."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        word = ir.IntType(32)
+        pointer = builder.inttoptr(args[0], word.as_pointer())
+        builder.store(builder.trunc(args[1], word), pointer, align=1)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), codegen
+
+
 _start = _caller(types.int64, types.int64, types.int64, types.int64, types.int64)
 _stop = _caller(types.int64)
 _register = _caller(types.int64, types.int32, types.int64)
-_memory = _caller(types.int64, types.int64, types.int64, types.int64)
 
 
 @njit(cache=True)
@@ -88,18 +115,6 @@ def set_register(S: State, register: int, value: int) -> None:
     _register(S[FN_REG_WRITE], (S[UC], register, S[SELF] + 8 * SCRATCH))
 
 
-@njit(cache=True)
-def read_memory(S: State, address: int, into: int, count: int) -> int:
-    """Copy `count` bytes of the target's memory to the state array from word `into`; unicorn's error code."""
-    return _memory(S[FN_MEM_READ], (S[UC], address, S[SELF] + 8 * into, count))
-
-
-@njit(cache=True)
-def write_memory(S: State, address: int, source: int, count: int) -> int:
-    """Copy `count` bytes from word `source` of the state array to the target's memory."""
-    return _memory(S[FN_MEM_WRITE], (S[UC], address, S[SELF] + 8 * source, count))
-
-
 def bind(S: State, handle: int, library: ctypes.CDLL) -> None:
     """Put the engine's handle and the addresses of its functions into the state."""
     S[UC] = handle
@@ -108,7 +123,5 @@ def bind(S: State, handle: int, library: ctypes.CDLL) -> None:
         (FN_STOP, "uc_emu_stop"),
         (FN_REG_READ, "uc_reg_read"),
         (FN_REG_WRITE, "uc_reg_write"),
-        (FN_MEM_READ, "uc_mem_read"),
-        (FN_MEM_WRITE, "uc_mem_write"),
     ):
         S[slot] = ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0

@@ -1,4 +1,4 @@
-"""Nested vectored interrupt controller (ARMv7-M B3.4): what is pending, what may preempt what."""
+"""Nested vectored interrupt controller (ARMv7-M B3.4): the external interrupts' registers and states."""
 
 from targets.jit import njit
 from targets.mcu import lines
@@ -13,8 +13,6 @@ from targets.mcu.state import (
 )
 
 IRQS = 96
-IDLE = 256
-"""Priority of thread mode: below every interrupt."""
 
 
 @njit(cache=True)
@@ -23,7 +21,8 @@ def _bit(S: State, table: int, irq: int) -> int:
 
 
 @njit(cache=True)
-def _is_active(S: State, exception: int) -> bool:
+def is_active(S: State, exception: int) -> bool:
+    """Whether the handler of `exception` has begun and not ended."""
     for k in range(S[ACTIVE_DEPTH]):  # noqa: SIM110  # compiled code has no generators
         if S[ACTIVE + k] == exception:
             return True
@@ -31,25 +30,38 @@ def _is_active(S: State, exception: int) -> bool:
 
 
 @njit(cache=True)
+def current(S: State) -> int:
+    """Exception number of the innermost handler, 0 in thread mode."""
+    depth = S[ACTIVE_DEPTH]
+    return S[ACTIVE + depth - 1] if depth else 0
+
+
+@njit(cache=True)
 def is_pending(S: State, irq: int) -> bool:
     """Latched by software, or its line is up and its handler not running."""
-    return _bit(S, NVIC_LATCHED, irq) == 1 or (lines.level(S, irq) and not _is_active(S, irq + 16))
+    return _bit(S, NVIC_LATCHED, irq) == 1 or (lines.level(S, irq) and not is_active(S, irq + 16))
 
 
 @njit(cache=True)
-def running_priority(S: State) -> int:
-    """Priority of the innermost active handler, IDLE in thread mode."""
-    best = IDLE
-    for k in range(S[ACTIVE_DEPTH]):
-        priority = S[NVIC_PRIORITY + S[ACTIVE + k] - 16]
-        best = min(best, priority)
-    return best
+def latch(S: State, irq: int) -> None:
+    """Make an interrupt pending, as software does or the edge of a line."""
+    S[NVIC_LATCHED + irq // 32] |= 1 << (irq % 32)
+    S[ATTEND] |= 1
 
 
 @njit(cache=True)
-def candidate(S: State) -> int:
-    """The pending, enabled interrupt that may preempt what runs now; -1 if there is none."""
-    best, winner = running_priority(S), -1
+def unlatch(S: State, irq: int) -> None:
+    """The interrupt is pending no longer, unless its line is up."""
+    S[NVIC_LATCHED + irq // 32] &= ~(1 << (irq % 32))
+
+
+@njit(cache=True)
+def most_urgent(S: State, below: int) -> int:
+    """The pending, enabled interrupt of the smallest priority value under `below`; -1 if there is none.
+
+    A line seen up stays pending when it falls before its handler has begun (DUI 0553 section 4.2.9).
+    """
+    best, winner = below, -1
     for word in range(IRQS // 32):
         enabled = S[NVIC_ENABLED + word]
         if enabled == 0:
@@ -57,31 +69,22 @@ def candidate(S: State) -> int:
         for k in range(32):
             if enabled >> k & 1:
                 irq = 32 * word + k
+                if not is_pending(S, irq):
+                    continue
+                S[NVIC_LATCHED + word] |= 1 << k
                 priority = S[NVIC_PRIORITY + irq]
-                if priority < best and is_pending(S, irq):
+                if priority < best:
                     best, winner = priority, irq
     return winner
 
 
 @njit(cache=True)
-def enter(S: State, irq: int) -> None:
-    """The handler of `irq` begins."""
-    S[NVIC_LATCHED + irq // 32] &= ~(1 << (irq % 32))
-    S[ACTIVE + S[ACTIVE_DEPTH]] = irq + 16
-    S[ACTIVE_DEPTH] += 1
-
-
-@njit(cache=True)
-def leave(S: State) -> None:
-    """The innermost handler ends."""
-    S[ACTIVE_DEPTH] -= 1
-
-
-@njit(cache=True)
-def current(S: State) -> int:
-    """Exception number of the innermost handler, 0 in thread mode."""
-    depth = S[ACTIVE_DEPTH]
-    return S[ACTIVE + depth - 1] if depth else 0
+def pending_word(S: State, word: int) -> int:
+    """The pending bits of 32 interrupts."""
+    value = 0
+    for k in range(32):
+        value |= (1 << k) if is_pending(S, 32 * word + k) else 0
+    return value
 
 
 @njit(cache=True)
@@ -93,14 +96,11 @@ def read(S: State, offset: int) -> int:
     if offset < 0x100:
         return S[NVIC_ENABLED + word]
     if offset < 0x200:
-        value = 0
-        for k in range(32):
-            value |= (1 << k) if is_pending(S, 32 * word + k) else 0
-        return value
+        return pending_word(S, word)
     if offset < 0x280:
         value = 0
         for k in range(32):
-            value |= (1 << k) if _is_active(S, 32 * word + k + 16) else 0
+            value |= (1 << k) if is_active(S, 32 * word + k + 16) else 0
         return value
     if 0x300 <= offset < 0x300 + IRQS:
         value = 0
@@ -113,7 +113,7 @@ def read(S: State, offset: int) -> int:
 @njit(cache=True)
 def write(S: State, offset: int, value: int) -> bool:
     """Write the register at `offset` from 0xE000E100; False if it is not modelled."""
-    S[ATTEND] = 1
+    S[ATTEND] |= 1
     word = (offset & 0x7F) // 4
     if offset < 0x200 and word >= IRQS // 32:
         return False

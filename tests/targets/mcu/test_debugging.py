@@ -25,6 +25,15 @@ def test_stepping_and_running_take_the_same_time(mcu, image):
     assert stepped.cycles == mcu.cycles
 
 
+def test_step_after_a_run_is_one_instruction(mcu):
+    """Code that has run before, and is translated in blocks, is stepped through one by one all the same."""
+    mcu.run(MS)
+    for _ in range(10):
+        before = mcu.cycles
+        assert mcu.step() == STEP
+        assert 0 < mcu.cycles - before < 8
+
+
 def test_run_leaves_a_breakpoint_behind(mcu, image):
     """Run again from a breakpoint, the program goes on to the next one; removed, none stops it."""
     first, second = image.symbol("board_init"), image.symbol("ecu_init")
