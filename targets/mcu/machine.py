@@ -306,13 +306,8 @@ class Stm32f405:
 
 
 def _is_device(address: int) -> bool:
-    return any(
-        base <= address < base + size
-        for base, size in (
-            (peripherals.PERIPHERALS, peripherals.PERIPHERALS_SIZE),
-            (peripherals.SYSTEM, peripherals.SYSTEM_SIZE),
-        )
-    )
+    inside = 0 <= address - peripherals.PERIPHERALS < peripherals.PERIPHERALS_SIZE
+    return inside or 0 <= address - peripherals.SYSTEM < peripherals.SYSTEM_SIZE
 
 
 def _accesses(address: int, count: int) -> Iterator[tuple[int, int]]:
