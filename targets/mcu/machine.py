@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from targets.errors import FirmwareFault
-from targets.mcu import blocks, bxcan, clock, core, cycles, native, peripherals, rcc, scs, state
+from targets.mcu import blocks, bxcan, clock, core, cycles, native, rcc, records, regions, resets, scs, state
 from targets.mcu.image import FLASH, Image
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ class Stm32f405:
         self._sram = _aligned(SRAM_SIZE)
         self._ccm = _aligned(CCM_SIZE)
         self.state = state.allocate(len(image.flash))
+        self._records = records.attach(self.state)
         self._engine = _engine(self)
         self._reset(power_on_ns)
 
@@ -63,6 +64,7 @@ class Stm32f405:
         S[state.BASE_NS] = t_ns
         S[state.HZ] = rcc.HSI_HZ
         rcc.reset(S)
+        resets.reset_all(S)
         bxcan.reset(S)
         scs.reset(S)
         stack, entry = (self.read_word(FLASH + offset) for offset in (0, 4))
@@ -168,25 +170,10 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
     S = mcu.state
     native.bind(S, ctypes.cast(uc._uch, ctypes.c_void_p).value or 0, library)
     user = ctypes.c_void_p(state.as_pointer(S))
-    for base, size, read, write in (
-        (
-            peripherals.PERIPHERALS,
-            peripherals.PERIPHERALS_SIZE,
-            peripherals.on_peripheral_read,
-            peripherals.on_peripheral_write,
-        ),
-        (
-            peripherals.SYSTEM,
-            peripherals.SYSTEM_SIZE,
-            peripherals.on_system_read,
-            peripherals.on_system_write,
-        ),
-    ):
-        _checked(
-            library.uc_mmio_map(
-                uc._uch, base, size, ctypes.c_void_p(read.address), user, ctypes.c_void_p(write.address), user
-            )
-        )
+    read, write = (ctypes.c_void_p(f.address) for f in (regions.on_read, regions.on_write))
+    for k, (base, size) in enumerate(regions.REGIONS):
+        region = ctypes.c_void_p(regions.user_data(S, k))
+        _checked(library.uc_mmio_map(uc._uch, base, size, read, region, write, region))
     _hook(library, uc, unicorn.UC_HOOK_BLOCK, blocks.on_block.address, user)
     _hook(library, uc, unicorn.UC_HOOK_INTR, core.on_interrupt.address, user)
     return uc
