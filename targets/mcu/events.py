@@ -1,23 +1,33 @@
 """What devices have to do at an instant of their own: the earliest one bounds how far the core runs.
 
 A device with time in it has `due(S)`, CPU cycles of its next event or NEVER, and `service(S)`, which does
-what has fallen due by CYCLES. The run loop calls both; between them no device needs to be looked at.
+what has fallen due. The run loop calls both; between them no device needs to be looked at. After `service`,
+`due` lies in the future, or a sleeping core would wait for ever.
 """
 
 from targets.jit import njit
-from targets.mcu import systick
+from targets.mcu import iwdg, rcc, systick, tim, usart, wwdg
 from targets.mcu.state import State
 
-NEVER = systick.NEVER
+NEVER = rcc.NEVER
 
 
 @njit(cache=True)
 def due(S: State) -> int:
     """CPU cycles at which the next device event falls due, NEVER if there is none."""
-    return systick.due(S)
+    at = min(systick.due(S), rcc.due(S))
+    at = min(at, iwdg.due(S))
+    at = min(at, wwdg.due(S))
+    at = min(at, tim.due(S))
+    return min(at, usart.due(S))
 
 
 @njit(cache=True)
 def service(S: State) -> None:
-    """Do what has fallen due."""
+    """Do what has fallen due; what goes by CPU cycles before what may change their length."""
     systick.service(S)
+    tim.service(S)
+    usart.service(S)
+    wwdg.settle(S)
+    iwdg.service(S)
+    rcc.service(S)

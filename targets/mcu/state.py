@@ -4,12 +4,19 @@ Devices, hooks and the run loop are compiled functions over this array; Python l
 Copying it (with memory and registers) is a snapshot. Belongs here: the layout. Never: behaviour.
 """
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 State = NDArray[np.int64]
+
+
+class HasState(Protocol):
+    """An emulated MCU, or what passes for one: its state is all that a device's face to Python needs."""
+
+    state: State
+
 
 # Engine
 UC = 0  # unicorn's handle
@@ -60,8 +67,6 @@ ACTIVE = 177  # exception numbers, nested: 16 priorities, HardFault and NMI
 RCC_CR = 208
 RCC_PLLCFGR = 209
 RCC_CFGR = 210
-RCC_HSE_AT = 211  # nanoseconds at which the oscillator is ready
-RCC_PLL_AT = 212
 RCC_ENABLE = 216  # AHB1, AHB2, AHB3, reserved, APB1, APB2
 FLASH_ACR = 224
 
@@ -148,7 +153,70 @@ MEMORIES = 1124
 
 # 1280..1535: bxCAN
 # 1536..3071: other devices
-RESET_CAUSE = 1536  # who asked for the reset
+RESET_CAUSE = 1536  # who asked for the reset: see reset.py
+
+# RCC beyond the registers above
+RCC_SOURCE = 1538  # SWS: the clock that drives SYSCLK
+RCC_CIR = 1539
+RCC_BDCR = 1540
+RCC_CSR = 1541
+RCC_SSCGR = 1542
+RCC_PLLI2SCFGR = 1543
+RCC_READY_NS = 1544  # six: when LSI, LSE, HSI, HSE, PLL and PLLI2S are ready, in the order of CIR's bits
+RCC_READY_SEEN = 1550  # those that have been ready before: CIR reports the moment, not the state
+RCC_LOW_POWER = 1552  # six, as RCC_ENABLE
+RCC_RESET = 1558  # six
+RCC_WARNINGS = 1564  # eight pairs: times, and the last value
+
+PWR_CR = 1580
+PWR_CSR = 1581
+SYSCFG = 1584  # MEMRMP, PMC, EXTICR1 to 4, CMPCR
+EXTI = 1592  # IMR, EMR, RTSR, FTSR, SWIER, PR
+CRC_DR = 1600
+CRC_IDR = 1601
+IWDG_PR = 1604
+IWDG_RLR = 1605
+IWDG_UNLOCKED = 1606
+IWDG_RUNNING = 1607
+IWDG_EXPIRES_NS = 1608
+IWDG_PVU_NS = 1609  # until when PVU and RVU stand
+IWDG_RVU_NS = 1610
+WWDG_CFR = 1612
+WWDG_SR = 1613
+WWDG_ACTIVE = 1614  # WDGA
+WWDG_COUNT = 1615  # T at cycle WWDG_BASE
+WWDG_BASE = 1616
+WWDG_PHASE = 1617  # PCLK1 clocks into the count, while its clock is off or changing
+DBGMCU = 1620  # CR, APB1_FZ, APB2_FZ
+ITM_TER = 1624
+ITM_TPR = 1625
+ITM_TCR = 1626
+ITM_UNLOCKED = 1627
+TPIU = 1628  # CSPSR, ACPR, SPPR, FFCR
+
+# GPIO beyond the registers: per port what the registers come to, as masks of 16 pins
+GPIO_PINS = 1640
+GPIO_PINS_STRIDE = 12
+
+# Accesses to devices whose clock is off, a count for each bit of RCC_ENABLE
+UNCLOCKED = 1760  # six words of 32 bits
+
+# TIM2 to TIM5: registers at their offset / 4, then what counts
+TIM = 1952
+TIM_STRIDE = 48
+TIM_OUTPUT = 2144  # four of four: level of each channel's output, -1 while off
+
+# USART1, 2, 3, UART4, 5, USART6
+USART = 2160
+USART_STRIDE = 24
+
+# For each address region that devices answer in: the address of this array, and the region's base
+REGION = 2400
+
+# Rings of records in an array of their own: address, capacity, words a record, records so far, records taken
+RINGS = 2304
+RING_STRIDE = 5
+
 # 3072..3583: time, and what the cycle model remembers
 TIME = 3072
 # The same count as CYCLES with the timing model's optimistic and its pessimistic figures
