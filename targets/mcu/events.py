@@ -6,7 +6,8 @@ what has fallen due. The run loop calls both; between them no device needs to be
 """
 
 from targets.jit import njit
-from targets.mcu import iwdg, rcc, systick, tim, usart, wwdg
+from targets.mcu import bxcan, iwdg, rcc, systick, tim, usart, wwdg
+from targets.mcu.clock import cycles_at
 from targets.mcu.state import State
 
 NEVER = rcc.NEVER
@@ -19,13 +20,16 @@ def due(S: State) -> int:
     at = min(at, iwdg.due(S))
     at = min(at, wwdg.due(S))
     at = min(at, tim.due(S))
-    return min(at, usart.due(S))
+    at = min(at, usart.due(S))
+    can_ns = bxcan.due_ns(S)
+    return at if can_ns == bxcan.NEVER else min(at, cycles_at(S, can_ns))
 
 
 @njit(cache=True)
 def service(S: State) -> None:
     """Do what has fallen due; what goes by CPU cycles before what may change their length."""
     systick.service(S)
+    bxcan.service(S)
     tim.service(S)
     usart.service(S)
     wwdg.settle(S)

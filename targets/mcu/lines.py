@@ -8,7 +8,7 @@ from targets.mcu.state import State
 @njit(cache=True)
 def level(S: State, irq: int) -> bool:
     """Whether a device holds the line of `irq` up."""
-    if bxcan.TX_IRQ <= irq <= bxcan.RX1_IRQ:
+    if bxcan.is_mine(irq):
         return bxcan.line(S, irq)
     if irq in tim.IRQS:
         return tim.line(S, irq)

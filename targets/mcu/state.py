@@ -74,27 +74,6 @@ FLASH_ACR = 224
 GPIO = 240
 GPIO_STRIDE = 10
 
-# bxCAN 1
-CAN_MCR = 336
-CAN_MSR = 337
-CAN_TSR = 338
-CAN_IER = 339
-CAN_ESR = 340
-CAN_BTR = 341
-CAN_TX_NEW = 342  # mailboxes whose request Python has not seen, a bit each
-CAN_TX_NS = 343  # three: when the request was made
-CAN_MAILBOX = 348  # three of TIR, TDTR, TDLR, TDHR
-CAN_FIFO_COUNT = 360  # two
-CAN_FIFO_FLAGS = 362  # two: FULL and FOVR
-CAN_FIFO = 364  # two of three of RIR, RDTR, RDLR, RDHR
-CAN_FMR = 388
-CAN_FM1R = 389
-CAN_FS1R = 390
-CAN_FFA1R = 391
-CAN_FA1R = 392
-CAN_FILTER = 400  # 28 of FR1, FR2
-CAN_LOST = 456  # frames that no filter let in, or that came while the controller was not on the bus
-
 # Access to what is not modelled: count of entries, then address and times
 UNMODELLED = 464
 UNMODELLED_MAX = 64
@@ -151,7 +130,48 @@ FAULT_REGISTERS = 1105  # seventeen
 # Where memories lie on the host: three of first address, size, host address; the first of them is the flash
 MEMORIES = 1124
 
-# 1280..1535: bxCAN
+# 1280..1535: bxCAN. Words of controller 1; those of controller 2 lie CAN_STRIDE further on.
+CAN_STRIDE = 80
+CAN_MCR = 1280
+CAN_MSR = 1281  # INAK, SLAK, ERRI, WKUI, SLAKI; the rest is computed
+CAN_TSR = 1282  # without CODE and LOW
+CAN_IER = 1283
+CAN_LEC = 1284  # last error code
+CAN_BTR = 1285
+CAN_TEC = 1286
+CAN_REC = 1287
+CAN_BOFF = 1288  # 1: bus-off
+CAN_LOST = 1289  # frames that no filter let in, or that came while the controller was not on the bus
+CAN_FIFO_COUNT = 1290  # two
+CAN_FIFO_FLAGS = 1292  # two: FULL and FOVR
+CAN_RELEASED_NS = 1294  # two: until when RFOM reads as set
+CAN_MAILBOX = 1296  # three of TIR, TDTR, TDLR, TDHR
+CAN_FIFO = 1308  # two of three of RIR, RDTR, RDLR, RDHR
+CAN_TX_NS = 1332  # three: when the request was made
+CAN_TX_ORDER = 1335  # three: which request it was
+CAN_REQUESTS = 1338  # so many so far
+CAN_SENDING = 1339  # mailbox + 1 on the wire, 0 if none
+CAN_BUSY = 1340  # the bus: 0 idle, 1 a frame that this controller takes no part in, 2 one that it does
+CAN_SOF_NS = 1341  # start of that frame
+CAN_SYNC = 1342  # sequences of 11 recessive bits still to be seen before normal mode
+CAN_RECOVER = 1343  # and before the end of bus-off
+CAN_WATCH_NS = 1344  # start of the first sequence not counted yet
+CAN_EPOCH_NS = 1345  # start of the bit counter for time stamps
+CAN_LOOP_NS = 1346  # loop-back: when its frame ends, or the next one may start
+CAN_LOOP_FREE_NS = 1347
+CAN_STUCK_NS = 1348  # when a request made in bus-off has waited too long
+CAN_STUCK_MAILBOX = 1349
+CAN_DUE_NS = 1350  # the earliest of these instants
+CAN_BITRATE = 1351  # of the bus it is attached to, 0 if to none
+# Shared by both controllers
+# Mailboxes whose request Python has not seen: bits 0..2 and 8..10; 7 and 15: CAN_STUCK_NS has come
+CAN_TX_NEW = 1440
+CAN_FMR = 1441
+CAN_FM1R = 1442
+CAN_FS1R = 1443
+CAN_FFA1R = 1444
+CAN_FA1R = 1445
+CAN_FILTER = 1446  # 28 of FR1, FR2
 # 1536..3071: other devices
 RESET_CAUSE = 1536  # who asked for the reset: see reset.py
 

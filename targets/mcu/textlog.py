@@ -51,7 +51,9 @@ def feed(mcu: HasState, name: str, data: bytes) -> None:
     S = mcu.state
     usart.service(S)
     if records.room(S, records.INPUT + unit) < len(data):
-        raise ValueError(f"{len(data)} bytes for {name} while {records.waiting(S, records.INPUT + unit)} wait")
+        raise ValueError(
+            f"{len(data)} bytes for {name} while {records.waiting(S, records.INPUT + unit)} wait"
+        )
     for byte in data:
         records.append(S, records.INPUT + unit, (byte,))
     usart.begin_input(S, unit)

@@ -257,7 +257,4 @@ def write(S: State, unit: int, offset: int, value: int) -> bool:
         S[at + register] = value & 0xFFFF
     else:
         return False
-    for which, bits in _UNMODELLED:
-        if register == which and value & bits:
-            return False
-    return True
+    return all(not (register == which and value & bits) for which, bits in _UNMODELLED)
