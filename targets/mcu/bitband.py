@@ -4,8 +4,8 @@ An access to the alias is one of its own size to the place that holds the bit; a
 """
 
 from targets.jit import njit
-from targets.mcu import native
-from targets.mcu.state import SCRATCH, State
+from targets.mcu import memory, native
+from targets.mcu.state import State
 
 SRAM, SRAM_ALIAS, SRAM_ALIAS_SIZE = 0x20000000, 0x22000000, 32 * 0x20000
 DEVICES, DEVICES_ALIAS, DEVICES_ALIAS_SIZE = 0x40000000, 0x42000000, 32 * 0x80000
@@ -46,13 +46,16 @@ def changed(value: int, address: int, size: int, to: int) -> int:
 @njit(cache=True)
 def load_memory(S: State, address: int, size: int) -> int:
     """What lies at the place of an alias of SRAM."""
-    S[SCRATCH] = 0
-    native.read_memory(S, place(address, size), SCRATCH, size)
-    return S[SCRATCH]
+    at = place(address, size)
+    return max(memory.word(S, at & ~3), 0) >> 8 * (at & 3) & (1 << 8 * size) - 1
 
 
 @njit(cache=True)
 def store_memory(S: State, address: int, size: int, value: int) -> None:
     """Write to the place of an alias of SRAM."""
-    S[SCRATCH] = value
-    native.write_memory(S, place(address, size), SCRATCH, size)
+    at = place(address, size)
+    host = memory.writable(S, at & ~3, 4)
+    if host:
+        shift = 8 * (at & 3)
+        mask = (1 << 8 * size) - 1 << shift
+        native.poke(host, native.peek(host) & ~mask | value << shift & mask)
