@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from targets.errors import FirmwareError
-from targets.mcu import core, state
+from targets.mcu import state, traps
 from targets.mcu.machine import BREAKPOINT, STEP, Stm32f405
 
 PAGE = 4096
@@ -42,11 +42,11 @@ class Debugger:
 
     def __init__(self, mcu: Stm32f405) -> None:
         self.mcu = mcu
-        self._points: list[
-            tuple[Point, int]
-        ] = []  # with the engine's hook of a watchpoint, 0 for a breakpoint
+        # with the engine's hook of a watchpoint, 0 for a breakpoint
+        self._points: list[tuple[Point, int]] = []
         self._caught: tuple[str, int] | None = None
         self._resumed = (-1, -1)  # program counter and cycles
+        mcu.state[state.HALT_ON_BKPT] = 1
 
     @property
     def now_ns(self) -> int:
@@ -62,13 +62,21 @@ class Debugger:
         # A run may end at a breakpoint without knowing it, because its time was up there.
         asleep, moved = S[state.SLEEPING], self._resumed != (pc, self.mcu.cycles)
         at_break = any(kind == "break" and address & ~1 == pc for (kind, address, _), _ in self._points)
-        return ("break", pc) if at_break and moved and not asleep else None
+        return ("break", pc) if self._at_bkpt() or (at_break and moved and not asleep) else None
+
+    def _at_bkpt(self) -> bool:
+        """Whether a BKPT in the program halted the machine."""
+        S = self.mcu.state
+        return bool(S[state.STOPPED] == traps.AT_INTERRUPT and S[state.TRAP] == traps.BKPT)
 
     def resume(self) -> None:
-        """The machine is about to run again: what it halted for is past, also a fault."""
+        """The machine is about to run again: what it halted for is past, also a fault or a BKPT."""
+        S = self.mcu.state
+        if self._at_bkpt():
+            self.mcu.set_register("pc", self.mcu.pc + 2)
         self._caught = None
         self._resumed = (self.mcu.pc, self.mcu.cycles)
-        self.mcu.state[state.ERROR] = 0
+        S[state.STOPPED] = S[state.ERROR] = 0
 
     def step(self, until_ns: int) -> bool:
         """Execute one instruction; False if the machine slept to `until_ns`, or has frames to send, first.
@@ -94,6 +102,8 @@ class Debugger:
             self.mcu.set_register(f"s{single + 1}", value >> 32)
         else:
             self.mcu.set_register(name, value)
+            if name == "pc":
+                self.mcu.state[state.STOPPED] = 0  # no longer at a BKPT
 
     def read_memory(self, address: int, count: int) -> bytes:
         """Up to `count` bytes of memory or devices, as far as something answers there."""
@@ -160,7 +170,7 @@ class Debugger:
         def on_access(engine: Any, access: int, at: int, size: int, value: int, user: Any) -> None:
             if at + size > address:
                 self._caught = (kind, address)
-                S[state.STOPPED] = core.AT_BREAKPOINT
+                S[state.STOPPED] = traps.AT_BREAKPOINT
                 engine.emu_stop()
 
         # The engine looks only at where an access begins.

@@ -74,6 +74,32 @@ def test_resuming_passes_the_breakpoint(probe, image):
     assert 0 < probe.mcu.cycles - cycles < 10
 
 
+def test_bkpt_in_the_program(probe, image):
+    """A BKPT instruction halts like a breakpoint, and the machine resumes behind it."""
+    main = image.symbol("main")
+    probe.mcu.patch(main, bytes.fromhex("00be" + "00be" + "fee7"))  # bkpt #0; bkpt #0; b .
+    for address in (main, main + 2):
+        probe.resume()
+        probe.mcu.run(0)
+        assert probe.hit == ("break", address)
+    probe.resume()
+    probe.mcu.run(0)
+    assert probe.hit is None
+    assert probe.mcu.pc == main + 4
+
+
+def test_elsewhere_from_a_bkpt(probe, image):
+    """A program counter that was set at a BKPT is where the machine resumes."""
+    main = image.symbol("main")
+    probe.mcu.patch(main, bytes.fromhex("00be" + "fee7" + "fee7"))  # bkpt #0; b .; b .
+    probe.mcu.run(0)
+    assert probe.hit
+    probe.write_register("pc", main + 4)
+    probe.resume()
+    probe.mcu.run(0)
+    assert probe.mcu.pc == main + 4
+
+
 def test_breakpoint_after_wfi_waits_for_the_interrupt(mcu_ecu, image):
     """A core that sleeps before a breakpoint has not reached it."""
     probe = Debugger(mcu_ecu.mcu)
