@@ -198,6 +198,8 @@ def loads(text: str | bytes, source: str = "calibration") -> Calibration:
         calibration = _build(document)
     except CalibrationError as error:
         raise CalibrationError(f"{source}: {error}") from None
+    except RecursionError:  # what could be read cannot be shown from deeper down
+        raise CalibrationError(f"{source}: not JSON (nested too deep)") from None
     if document.get("checksum") != calibration.checksum:
         raise CalibrationError(
             f"{source}: checksum {document.get('checksum')!r} does not match the content "

@@ -14,8 +14,3 @@ def frame_bits(identifier: int, data: bytes, extended: bool = False) -> int:
     length = len(data)
     word = int.from_bytes(data, "big") << (64 - 8 * length)
     return length_bits(identifier, extended, False, length, word >> 32, word & 0xFFFFFFFF)
-
-
-def shortest_bits(length: int, extended: bool = False) -> int:
-    """Bits of a frame of `length` data bytes that needs no stuff bit: 8n + 44, or 8n + 64 if extended."""
-    return 8 * length + (64 if extended else 44)

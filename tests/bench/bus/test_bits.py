@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.bus.bits import frame_bits, shortest_bits
+from bench.bus.bits import frame_bits
 
 
 def crc15(bits):
@@ -67,6 +67,11 @@ def test_against_reference(frame):
 def test_known_frames(identifier, data, extended, bits):
     """Frames whose stuff bits can be counted by hand have that many."""
     assert frame_bits(identifier, data, extended) == bits
+
+
+def shortest_bits(length, extended=False):
+    """Of a frame of `length` data bytes that needs no stuff bit."""
+    return 8 * length + (64 if extended else 44)
 
 
 def longest_bits(length, extended=False):
