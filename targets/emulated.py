@@ -58,7 +58,9 @@ class EmulatedEcu(CanPort):
 
     def advance(self, t_ns: int) -> Transmission | None:
         """Run the firmware until `t_ns` or its next transmit request; None also at a breakpoint."""
-        while (request := self.request(t_ns)) is None and self.mcu.run(t_ns) == TRANSMIT:
+        request = self.request(t_ns)
+        while request is None and self.mcu.run(t_ns) == TRANSMIT:
             for port in self._ports:
                 port.collect()
+            request = self.request(t_ns)
         return request

@@ -20,6 +20,9 @@ TAIL_BITS = 10
 MOST_BITS = 160
 """No classic frame is longer: 128 bits unstuffed (29-bit identifier, 8 bytes) and up to 29 stuff bits."""
 
+LENGTH_AT, EXTENDED_AT, REMOTE_AT = 32, 36, 37
+"""Bit numbers in `length_bits`' first argument."""
+
 _CRC_POLYNOMIAL = 0x4599
 
 
@@ -31,7 +34,7 @@ def _crc_after(crc: int, bit: int) -> int:
 
 
 @njit(cache=True)
-def _encode(identifier, extended, remote, length, high, low, out):  # type: ignore[no-untyped-def]  # signatures below
+def _encode(identifier, extended, remote, length, data, out):  # type: ignore[no-untyped-def]  # signatures below
     # header: start of frame to DLC, its first bit uppermost
     if extended:
         # SOF 0, base 11, SRR 1, IDE 1, extension 18, RTR, r1 0, r0 0, DLC 4
@@ -52,8 +55,7 @@ def _encode(identifier, extended, remote, length, high, low, out):  # type: igno
         if k < header_bits:
             bit = (header >> (header_bits - 1 - k)) & 1
         elif k < total:
-            at = k - header_bits  # of 64 data bits, the upper 32 in `high`
-            bit = (high >> (31 - at)) & 1 if at < 32 else (low >> (63 - at)) & 1
+            bit = (data >> (63 - (k - header_bits))) & 1
         else:
             bit = (crc >> (14 - (k - total))) & 1
         if k < total:
@@ -75,17 +77,22 @@ def _encode(identifier, extended, remote, length, high, low, out):  # type: igno
     return count + TAIL_BITS
 
 
-@njit("int64(int64, boolean, boolean, int64, int64, int64)", cache=True)
-def length_bits(identifier: int, extended: bool, remote: bool, length: int, high: int, low: int) -> int:
-    """Bits from start to end of frame; high and low: the data's first and last four bytes, big-endian."""
-    return _encode(identifier, extended, int(remote), length, high, low, None)
+@njit("int64(int64, int64)", cache=True)
+def length_bits(head: int, data: int) -> int:
+    """Bits from start to end of frame; two numbers, since every argument costs its time.
+
+    head: identifier, length << LENGTH_AT, extended << EXTENDED_AT, remote << REMOTE_AT. data: its eight
+    bytes, big-endian, as a signed number.
+    """
+    extended, remote = head >> EXTENDED_AT & 1 != 0, head >> REMOTE_AT & 1
+    return _encode(head & 0x1FFFFFFF, extended, remote, head >> LENGTH_AT & 0xF, data, None)
 
 
 def stream(identifier: int, data: bytes, extended: bool = False) -> NDArray[Any]:
     """The bits that a data frame's sender drives, uint8 (bits,): 0 dominant, 1 recessive (the ACK slot)."""
-    word = int.from_bytes(data.ljust(8, b"\0"), "big")
+    word = int.from_bytes(data.ljust(8, b"\0"), "big", signed=True)
     out = np.empty(MOST_BITS, dtype=np.uint8)
-    return out[: _encode(identifier, extended, 0, len(data), word >> 32, word & 0xFFFFFFFF, out)]
+    return out[: _encode(identifier, extended, 0, len(data), word, out)]
 
 
 def crc_holds(bits: Sequence[int]) -> bool:

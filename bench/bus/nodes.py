@@ -1,26 +1,10 @@
-"""Nodes as the timed bus sees them: with a CAN controller of their own, or with queue and counters kept here.
+"""Nodes as the timed bus sees them: with a CAN controller of their own, or with an error state kept here.
 
-Belongs here: what one node would send next, and how errors count for it. Never: other nodes, arbitration.
+Belongs here: what one node does with what the bus tells it. Never: other nodes, queues, arbitration.
 """
 
-from heapq import heappop, heappush
-from typing import NamedTuple
-
 from bench.bus.confinement import ErrorCounters
-from targets.ecu import Confinement, Controller, Ecu, Frame, SeenError
-
-
-class Entry(NamedTuple):
-    """A frame that waits for the bus; what sorts before another is sent before it.
-
-    priority: the bits that arbitration compares. order: of submission. asked_ns: when its node asked.
-    """
-
-    priority: int
-    order: int
-    asked_ns: int
-    handle: int
-    frame: Frame
+from targets.ecu import Confinement, Controller, Ecu, Frame, SeenError, Transmission
 
 
 def priority(frame: Frame) -> int:
@@ -33,81 +17,76 @@ def priority(frame: Frame) -> int:
     return frame.id << 19
 
 
-class QueueNode:
-    """A node that sends its frames by priority and repeats what fails; from bus-off it recovers by itself.
+class PlainNode:
+    """A node whose queue and error counters are the bus's business; from bus-off it recovers by itself.
 
     ecu: is told what is sent and received, None for one whose owner looks at what the bus delivers.
+    concerned: whether it minds what others send. waiting: frames submitted and not sent.
     """
 
-    controller: Controller | None = None
+    controller = None
 
     def __init__(self, name: str, ecu: Ecu | None = None) -> None:
         self.name = name
         self.ecu = ecu
         self.counters = ErrorCounters()
-        self._queue: list[Entry] = []
-
-    @property
-    def waiting(self) -> int:
-        """Frames not sent yet."""
-        return len(self._queue)
-
-    def ask(self, entry: Entry) -> None:
-        """The time of a request has come."""
-        heappush(self._queue, entry)
-
-    def offer(self, t_ns: int) -> Entry | None:
-        """What it would send now."""
-        return None if self.counters.left or not self._queue else self._queue[0]
+        self.concerned = ecu is not None
+        self.waiting = 0
 
     def confinement(self) -> Confinement:
         """How far it takes part."""
         return self.counters.confinement
 
     def sent(self, handle: int, t_ns: int) -> None:
-        """The frame it offered ended well."""
-        heappop(self._queue)
-        self.counters.transmitted()
+        """Its frame ended well."""
+        self.waiting -= 1
+        if self.counters.tec:
+            self.counters.transmitted()
         if self.ecu:
             self.ecu.sent(handle, t_ns)
 
     def receive(self, frame: Frame, t_ns: int) -> None:
         """Another one's frame ended well."""
-        if self.counters.rec:
-            self.counters.received()
+        self.counters.received()
+        self.concerned = self.ecu is not None or self.counters.rec > 0
         if self.ecu and not self.counters.left:
             self.ecu.receive(frame, t_ns)
 
     def error(self, handle: int | None, error: SeenError, t_ns: int) -> None:
         """It saw an error."""
         self.counters.error(error)
+        self.concerned = True
 
 
 class ControllerNode:
-    """A node whose own controller holds its frames; the bus knows only that it wants to send."""
+    """A node whose controller holds its frames; the bus knows only that it has something to send.
 
-    def __init__(self, name: str, ecu: Ecu, controller: Controller) -> None:
-        self.name = name
+    orders: of submission of its requests, by handle, as far as known; empty if it wants nothing.
+    """
+
+    concerned = True
+
+    def __init__(self, ecu: Ecu, controller: Controller) -> None:
+        self.name = ecu.name
         self.ecu = ecu
         self.controller = controller
-        self._orders: dict[int, int] = {}  # handle -> order of its last submission
+        self.waiting = 0
+        self.orders: dict[int, int] = {}
 
-    @property
-    def waiting(self) -> int:
-        """Frames submitted and not sent, as far as the bus was told."""
-        return len(self._orders)
-
-    def ask(self, entry: Entry) -> None:
+    def ask(self, handle: int, order: int) -> None:
         """The time of a request has come."""
-        self._orders[entry.handle] = entry.order
+        if handle in self.orders:
+            self.waiting -= 1  # it asks anew for what it had asked for
+        self.orders[handle] = order
 
-    def offer(self, t_ns: int) -> Entry | None:
-        """What its controller would send now."""
+    def offer(self, t_ns: int) -> tuple[Transmission, int] | None:
+        """What its controller would start now, and the order of that request."""
         wanted = self.controller.offer(t_ns)
-        if wanted is None:
+        if wanted is None:  # withdrawn, given up, or it will ask anew
+            self.waiting -= len(self.orders)
+            self.orders.clear()
             return None
-        order = self._orders.get(wanted.handle, 0)
-        return Entry(priority(wanted.frame), order, wanted.t_ns, wanted.handle, wanted.frame)
+        return wanted, self.orders.get(wanted.handle, 0)
 
     def confinement(self) -> Confinement:
         """How far it takes part."""
@@ -115,7 +94,8 @@ class ControllerNode:
 
     def sent(self, handle: int, t_ns: int) -> None:
         """The frame it offered ended well."""
-        self._orders.pop(handle, None)
+        if self.orders.pop(handle, None) is not None:
+            self.waiting -= 1
         self.ecu.sent(handle, t_ns)
 
     def receive(self, frame: Frame, t_ns: int) -> None:
@@ -127,4 +107,4 @@ class ControllerNode:
         self.controller.error(handle, error, t_ns)
 
 
-Node = QueueNode | ControllerNode
+Node = PlainNode | ControllerNode

@@ -14,14 +14,15 @@ be withdrawn; a frame counts as received at the end of its end of frame; an arbi
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
+from operator import itemgetter
 from typing import Protocol
 
 from bench.bus.bits import INTERMISSION_BITS, frame_bits
 from bench.bus.confinement import RECESSIVE_BITS, ErrorCounters
-from bench.bus.nodes import ControllerNode, Entry, Node, QueueNode, priority
+from bench.bus.nodes import ControllerNode, Node, PlainNode, priority
 from bench.bus.traffic import EXTENDED, Delivered, ErrorFrame, Load, Tally, Traffic
 from bench.bus.wire import DELIMITER_BITS, Outcome, carry
 from bench.errors import BusError
@@ -36,6 +37,9 @@ RECORDER = "recorder"
 
 SUSPEND_BITS = 8
 """Beyond the intermission, for an error passive node that has just sent (clause 10.4.6)."""
+
+_Entry = tuple[int, int, int, Node, int, Frame]
+"""Priority, order of submission, instant of the request, node, handle, frame: the lowest is sent first."""
 
 
 class Disturbance(Protocol):
@@ -59,25 +63,28 @@ class TimedBus:
         self.bitrate = bitrate
         self._disturbance = disturbance
         self._recorder = recorder
-        self._nodes: dict[str, Node] = {RECORDER: QueueNode(RECORDER)} if recorder else {}
+        self._nodes: dict[str, Node] = {RECORDER: PlainNode(RECORDER)} if recorder else {}
         self._controllers: list[ControllerNode] = []
         self._tally = Tally()
-        # heap entries: (instant, order of submission, node, entry), waiting for their time
-        self._coming: list[tuple[int, int, Node, Entry]] = []
-        self._wishing: list[Node] = []  # have something to send, as far as known
-        self._off: list[QueueNode] = []  # in bus-off
+        # heap entries: (instant, order of submission, priority, node, handle, frame), waiting for their time
+        self._coming: list[tuple[int, int, int, Node, int, Frame]] = []
+        # and those of plain nodes waiting for the bus
+        self._pending: list[_Entry] = []
         self._order = 0
         self._sending: tuple[Node, Delivered] | None = None
         # what a frame that fails still brings: (instant, what happens then), in order
         self._script: deque[tuple[int, Callable[[int], Delivered | None]]] = deque()
         self._last: Node | None = None  # sent the last frame
-        self._suspended = False  # it alone wants to send, and must wait
+        self._troubled = False  # a frame has failed: from then on nodes may be passive or off
+        self._off: list[PlainNode] = []  # in bus-off
+        self._held = False  # what is pending may not be sent before ...
         self._decided_ns = 0
         # back-to-back frames: the start of the first and the bits since, so that rounding never adds up
         self._busy_from_ns = 0
         self._busy_bits = 0
         self._free_ns = 0
-        self._quiet_ns = 0  # since when the bus is recessive, while it is free
+        self._suspend_ns = self._ns_of(SUSPEND_BITS)
+        self._trail_ns = self._ns_of(DELIMITER_BITS + INTERMISSION_BITS)
 
     def attach(self, ecu: Ecu) -> None:
         """Make `ecu` a node: it is told by the bus itself of the frames sent and received.
@@ -87,11 +94,11 @@ class TimedBus:
         if ecu.name in self._nodes:
             raise BusError(f"{ecu.name} is on the bus already")
         if isinstance(ecu, Controller):
-            node = ControllerNode(ecu.name, ecu, ecu)
+            node = ControllerNode(ecu, ecu)
             self._controllers.append(node)
             self._nodes[ecu.name] = node
         else:
-            self._nodes[ecu.name] = QueueNode(ecu.name, ecu)
+            self._nodes[ecu.name] = PlainNode(ecu.name, ecu)
 
     def submit(self, t_ns: int, node: str, handle: int, frame: Frame) -> None:
         """Ask, for `node`, that `frame` be sent: it takes part in every arbitration at `t_ns` or later.
@@ -111,22 +118,19 @@ class TimedBus:
             raise BusError(f"{node}: frame {frame.id:#x} has {len(frame.data)} bytes, more than 8")
         sender = self._nodes.get(node)
         if sender is None:
-            sender = self._nodes[node] = QueueNode(node)
-        entry = Entry(priority(frame), self._order, t_ns, handle, frame)
-        heappush(self._coming, (t_ns, self._order, sender, entry))
+            sender = self._nodes[node] = PlainNode(node)
+        heappush(self._coming, (t_ns, self._order, priority(frame), sender, handle, frame))
         self._order += 1
+        sender.waiting += 1
 
     def waiting(self, node: str) -> int:
         """Frames of `node` that have been submitted and not been sent."""
-        known = self._nodes.get(node)
-        if known is None:
-            return 0
-        return known.waiting + sum(sender is known for _, _, sender, _ in self._coming)
+        return self._nodes[node].waiting if node in self._nodes else 0
 
     def counters(self, node: str) -> ErrorCounters | None:
         """Error counters of a node, None of one that is unknown or has a controller of its own."""
         known = self._nodes.get(node)
-        return known.counters if isinstance(known, QueueNode) else None
+        return known.counters if isinstance(known, PlainNode) else None
 
     def latest_errors(self) -> list[ErrorFrame]:
         """The last thousand frames that failed, in order of their start."""
@@ -138,13 +142,16 @@ class TimedBus:
             return self._sending[1].t_end_ns
         if self._script:
             return self._script[0][0]
-        if self._wishing and not self._suspended:
-            return self._free_ns
-        instants = [self._resumes_ns()] if self._wishing else []
-        if self._coming:
-            instants.append(max(self._coming[0][0], self._free_ns))
-        instants += [max(self._recovers_ns(node), self._free_ns) for node in self._off if node.waiting]
-        return min(instants, default=None)
+        if not self._held:
+            if self._pending:
+                return self._free_ns
+            for node in self._controllers:
+                if node.orders:
+                    return self._free_ns
+        next_ns = max(self._coming[0][0], self._free_ns) if self._coming else None
+        if self._held:
+            next_ns = min((t for t in (next_ns, *self._releases_ns()) if t is not None), default=None)
+        return next_ns
 
     def step(self, until_ns: int) -> Delivered | None:
         """Run to the next frame that ends at or before `until_ns` and return it, or to `until_ns` and None.
@@ -176,106 +183,127 @@ class TimedBus:
 
     def _arbitrate(self, t_ns: int) -> None:
         """Start the frame of the highest priority of all that are pending at `t_ns`."""
-        coming, wishing = self._coming, self._wishing
+        coming, pending = self._coming, self._pending
         while coming and coming[0][0] <= t_ns:
-            _, _, node, entry = heappop(coming)
-            node.ask(entry)
-            if node not in wishing:
-                wishing.append(node)
-        if self._off:
-            self._recover(t_ns)
-        offers: list[tuple[Entry, Node]] = []
-        self._suspended = False
-        for node in list(wishing):
-            if node is self._last and self._must_wait(t_ns):
-                self._suspended = True
-                continue
-            entry_or_none = node.offer(t_ns)
-            if entry_or_none is None:
-                wishing.remove(node)
+            asked_ns, order, rank, node, handle, frame = heappop(coming)
+            if isinstance(node, ControllerNode):
+                node.ask(handle, order)
             else:
-                offers.append((entry_or_none, node))
-        if not offers:
+                heappush(pending, (rank, order, asked_ns, node, handle, frame))
+        self._held = False
+        if self._troubled:
+            self._recover(t_ns)
+            entry = min((rival for rival in pending if self._may_send(rival[3], t_ns)), default=None)
+        else:
+            entry = pending[0] if pending else None
+        offers = self._offers(t_ns) if self._controllers else ()
+        if offers:
+            if entry is not None:
+                offers.append(entry)
+            entry = min(offers, key=itemgetter(0, 1))
+        if entry is None:
+            self._held = True
             return
-        self._suspended = False
-        entry, winner = min(offers, key=lambda offer: offer[0])
-        for rival, node in offers:
-            if rival.priority == entry.priority and node is not winner:
-                raise BusError(
-                    f"{winner.name} and {node.name} send identifier {entry.frame.id:#x} at once, at {t_ns} ns"
-                )
-        self._start(t_ns, winner, entry)
-        for rival, node in offers:
-            if node is not winner and node.controller:
-                node.controller.lost(rival.handle)
+        rank, winner = entry[0], entry[3]
+        if pending:
+            if pending[0] is entry:
+                heappop(pending)
+            elif entry in pending:
+                pending.remove(entry)
+                heapify(pending)
+        if offers or (pending and pending[0][0] == rank):
+            for rival in (*offers, *pending):
+                if rival[0] == rank and rival[3] is not winner:
+                    raise BusError(
+                        f"{winner.name} and {rival[3].name} send identifier {entry[5].id:#x} at once, "
+                        f"at {t_ns} ns"
+                    )
+        self._start(t_ns, entry)
+        for rival in offers:
+            if rival[3] is not winner and rival[3].controller:
+                rival[3].controller.lost(rival[4])
 
-    def _start(self, t_ns: int, sender: Node, entry: Entry) -> None:
+    def _offers(self, t_ns: int) -> list[_Entry]:
+        """What nodes with a controller of their own would start now."""
+        offers: list[_Entry] = []
+        for node in self._controllers:
+            if node.orders and (not self._troubled or self._may_send(node, t_ns)):
+                offered = node.offer(t_ns)
+                if offered:
+                    (asked_ns, handle, frame), order = offered
+                    offers.append((priority(frame), order, asked_ns, node, handle, frame))
+        return offers
+
+    def _start(self, t_ns: int, entry: _Entry) -> None:
+        _, _, asked_ns, sender, handle, frame = entry
         if t_ns > self._free_ns or self._busy_bits == 0:
             self._busy_from_ns, self._busy_bits = t_ns, 0
-        for off in self._off:
-            off.counters.recessive(self._bits_of(t_ns - self._quiet_ns))
+        if self._off:
+            recessive_bits = self._bits_of(t_ns - self._quiet_ns)
+            for off in self._off:
+                off.counters.recessive(recessive_bits)
         for node in self._controllers:
-            node.controller.started(entry.handle if node is sender else None, t_ns)
+            node.controller.started(handle if node is sender else None, t_ns)
         self._last = sender
-        frame = entry.frame
         inverted = self._disturbance.bit_error(frame, t_ns) if self._disturbance else None
         if inverted is not None or not self._recorder:
             others = [node for node in self._nodes.values() if node is not sender and node.confinement()]
             outcome = carry(frame, sender.confinement(), [node.confinement() for node in others], inverted)
             if 0 not in outcome.valid:
-                self._fail(t_ns, [sender, *others], entry, outcome)
+                self._fail(t_ns, entry, others, outcome)
                 return
-        bits = frame_bits(frame.id, frame.data, frame.extended)
-        end_ns = self._after(self._busy_bits + bits)
-        self._take(bits)
-        self._sending = sender, Delivered(t_ns, end_ns, sender.name, entry.handle, frame, bits)
-        self._tally.delivered(frame, bits, self._free_ns - t_ns, t_ns - entry.asked_ns)
+        bits = frame_bits(*frame)
+        end_ns = self._take(bits)
+        self._sending = sender, Delivered(t_ns, end_ns, sender.name, handle, frame, bits)
+        self._tally.delivered(frame, bits, self._free_ns - t_ns, t_ns - asked_ns)
 
-    def _take(self, bits: int) -> None:
-        """The wire is taken for `bits` bits, their intermission included."""
-        self._quiet_ns = self._after(self._busy_bits + bits - DELIMITER_BITS)
+    def _take(self, bits: int) -> int:
+        """Take the wire for `bits` bits and their intermission; the end of the former."""
+        end_ns = self._after(self._busy_bits + bits)
         self._busy_bits += bits + INTERMISSION_BITS
         self._free_ns = self._after(self._busy_bits)
+        return end_ns
 
     def _deliver(self, sender: Node, done: Delivered) -> Delivered:
         self._sending = None
+        sender.sent(done.handle, done.t_end_ns)
         for node in self._nodes.values():
-            if node is sender:
-                node.sent(done.handle, done.t_end_ns)
-            else:
+            if node.concerned and node is not sender:
                 node.receive(done.frame, done.t_end_ns)
         return done
 
-    def _fail(self, t_ns: int, stations: list[Node], entry: Entry, outcome: Outcome) -> None:
+    def _fail(self, t_ns: int, entry: _Entry, others: list[Node], outcome: Outcome) -> None:
         """Lay out what a frame that fails brings."""
-        sender = stations[0]
+        _, _, _, sender, handle, frame = entry
+        if sender.controller is None:
+            heappush(self._pending, entry)
+        self._troubled = True
+        stations = [sender, *others]
         script: list[tuple[int, Callable[[int], Delivered | None]]] = []
         begun = self._busy_bits
-        handle: int | None = entry.handle
+        sends = True
         error = next(seen for seen in outcome.seen if seen.error)
         for seen in outcome.seen:
             node = stations[seen.station]
-            own = handle if node is sender else None
-            if seen.error is None:
-                handle = None
+            own = handle if node is sender and sends else None
+            sends = sends and seen.error is not None
             script.append((self._after(begun + seen.bit + 1), partial(self._see, node, own, seen.error)))
-        bits = frame_bits(entry.frame.id, entry.frame.data, entry.frame.extended)
+        bits = frame_bits(frame.id, frame.data, frame.extended)
         if outcome.valid:  # only an error in the very last bit leaves the receivers with a valid frame
-            done = Delivered(t_ns, self._after(begun + bits), sender.name, entry.handle, entry.frame, bits)
+            done = Delivered(t_ns, self._after(begun + bits), sender.name, handle, frame, bits)
             hearers = [node for number, node in enumerate(stations) if number in outcome.valid]
             script.append((done.t_end_ns, partial(self._hear, hearers, done)))
-        self._take(outcome.bits)
-        end_ns = self._after(begun + outcome.bits)
+        end_ns = self._take(outcome.bits)
         self._script = deque([*script, (end_ns, self._end_failed)])
         seen_ns = self._after(begun + error.bit + 1)
         assert error.error is not None
-        failed = ErrorFrame(t_ns, seen_ns, end_ns, sender.name, entry.frame, error.error.code)
+        failed = ErrorFrame(t_ns, seen_ns, end_ns, sender.name, frame, error.error.code)
         self._tally.failed(failed, self._free_ns - t_ns)
 
     def _see(self, node: Node, handle: int | None, error: SeenError | None, t_ns: int) -> None:
         if error is not None:
             node.error(handle, error, t_ns)
-            if isinstance(node, QueueNode) and node.counters.left and node not in self._off:
+            if isinstance(node, PlainNode) and node.counters.left and node not in self._off:
                 self._off.append(node)
         elif node.controller and handle is not None:
             node.controller.lost(handle)
@@ -290,29 +318,39 @@ class TimedBus:
         for node in self._controllers:
             node.controller.ended(t_ns)
 
-    def _must_wait(self, t_ns: int) -> bool:
-        """Whether the node that sent last has to leave the bus to others for a while."""
-        last = self._last
-        return t_ns < self._resumes_ns() and last is not None and last.confinement() is Confinement.PASSIVE
+    @property
+    def _quiet_ns(self) -> int:
+        """Since when the bus is recessive, while it is free."""
+        return self._free_ns - self._trail_ns
 
-    def _resumes_ns(self) -> int:
-        return self._after(self._busy_bits + SUSPEND_BITS)
+    def _may_send(self, node: Node, t_ns: int) -> bool:
+        """Whether the node is not in bus-off, nor, as the passive sender of the last frame, suspended."""
+        if node is self._last and t_ns < self._free_ns + self._suspend_ns:
+            return node.confinement() is Confinement.ACTIVE
+        return node not in self._off
+
+    def _releases_ns(self) -> Iterator[int]:
+        """When nodes that must not send now may send again, if the bus stays idle."""
+        resumes_ns = self._free_ns + self._suspend_ns
+        if self._decided_ns < resumes_ns:
+            yield resumes_ns
+        for node in self._off:
+            if node.waiting:
+                yield max(self._recovers_ns(node), self._free_ns)
 
     def _recover(self, t_ns: int) -> None:
-        for node in list(self._off):
+        for node in tuple(self._off):
             if self._recovers_ns(node) <= t_ns:
                 node.counters.recessive(RECESSIVE_BITS * node.counters.left)
                 self._off.remove(node)
-                if node.waiting and node not in self._wishing:
-                    self._wishing.append(node)
 
-    def _recovers_ns(self, node: QueueNode) -> int:
+    def _recovers_ns(self, node: PlainNode) -> int:
         """When the node's bus-off ends if the bus stays idle."""
         return self._quiet_ns + self._ns_of(RECESSIVE_BITS * node.counters.left)
 
     def _after(self, bits: int) -> int:
         """The instant `bits` after the start of the busy period, rounded to the nearest nanosecond."""
-        return self._busy_from_ns + self._ns_of(bits)
+        return self._busy_from_ns + (2 * bits * _SECOND_NS + self.bitrate) // (2 * self.bitrate)
 
     def _ns_of(self, bits: int) -> int:
         return (2 * bits * _SECOND_NS + self.bitrate) // (2 * self.bitrate)

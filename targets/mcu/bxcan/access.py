@@ -36,7 +36,7 @@ from targets.mcu.state import (
     CAN_MCR,
     CAN_MSR,
     CAN_RECOVER,
-    CAN_RELEASED_NS,
+    CAN_RELEASED,
     CAN_SENDING,
     CAN_STRIDE,
     CAN_STUCK_NS,
@@ -74,7 +74,7 @@ def _reset_controller(S: State, c: int) -> None:
     S[CAN_TSR + c] = TSR_RESET
     S[CAN_LEC + c] = 0
     errors.recover(S, c)
-    S[CAN_FIFO_COUNT + c : CAN_RELEASED_NS + 2 + c] = 0
+    S[CAN_FIFO_COUNT + c : CAN_RELEASED + 2 + c] = 0
     for mailbox in range(mailboxes.MAILBOXES):
         S[CAN_MAILBOX + c + 4 * mailbox] &= ~TXRQ
     S[CAN_SENDING + c] = S[CAN_SYNC + c] = S[CAN_RECOVER + c] = 0
@@ -135,6 +135,22 @@ def _write_mailbox(S: State, c: int, word: int, value: int) -> None:
 
 
 @njit(cache=True)
+def _act(S: State, c: int, offset: int, value: int) -> None:
+    """Writes from which something may follow by itself."""
+    if offset == 0x04:
+        S[CAN_MSR + c] &= ~(value & (ERRI | WKUI | SLAKI))
+    elif offset == 0x08:
+        mailboxes.write_tsr(S, c, value)
+    elif offset:
+        _write_mailbox(S, c, (offset - 0x180) // 4, value)
+    elif value & RESET:
+        _reset_controller(S, c)
+    else:
+        S[CAN_MCR + c] = value & _MCR_WRITABLE
+        modes.settle(S, c, now_ns(S))
+
+
+@njit(cache=True)
 def write(S: State, offset: int, value: int) -> bool:
     """Write the register at `offset` from CAN1's base; False if it is not modelled."""
     c = 0 if offset < CONTROLLER_SIZE else CAN_STRIDE
@@ -142,29 +158,21 @@ def write(S: State, offset: int, value: int) -> bool:
     S[ATTEND] = 1  # lines and requests may have changed
     if S[CAN_DUE_NS + c] != course.NEVER:
         course.run_to(S, c, now_ns(S))
-    if offset == 0x00:
-        if value & RESET:
-            _reset_controller(S, c)
-        else:
-            S[CAN_MCR + c] = value & _MCR_WRITABLE
-            modes.settle(S, c, now_ns(S))
-    elif offset == 0x04:
-        S[CAN_MSR + c] &= ~(value & (ERRI | WKUI | SLAKI))
-    elif offset == 0x08:
-        mailboxes.write_tsr(S, c, value)
+    if offset == 0x14:
+        S[CAN_IER + c] = value & _IER_WRITABLE
     elif offset in (0x0C, 0x10):
         fifos.write(S, c, (offset - 0x0C) // 4, value)
-    elif offset == 0x14:
-        S[CAN_IER + c] = value & _IER_WRITABLE
     elif offset == 0x18:
         errors.write(S, c, value)
     elif offset == 0x1C:
         if S[CAN_MSR + c] & INAK:  # in initialisation mode only
             S[CAN_BTR + c] = value & BTR_WRITABLE
-    elif 0x180 <= offset < 0x1B0:
-        _write_mailbox(S, c, (offset - 0x180) // 4, value)
-    elif c or not filters.write(S, offset, value):
+    elif offset >= 0x200:
+        return c == 0 and filters.write(S, offset, value)
+    elif offset in (0x00, 0x04, 0x08) or 0x180 <= offset < 0x1B0:
+        _act(S, c, offset, value)
+        loopback.kick(S, c, now_ns(S), course.NEVER)
+        course.plan(S, c)
+    else:
         return False
-    loopback.kick(S, c, now_ns(S), course.NEVER)
-    course.plan(S, c)
     return True

@@ -3,7 +3,6 @@
 from targets.jit import njit
 from targets.mcu.bxcan import filters
 from targets.mcu.bxcan.registers import FOVR, FULL, RFLM, RFOM
-from targets.mcu.clock import NS, now_ns
 from targets.mcu.rcc import apb1_divisor
 from targets.mcu.state import (
     CAN_FIFO,
@@ -11,8 +10,8 @@ from targets.mcu.state import (
     CAN_FIFO_FLAGS,
     CAN_LOST,
     CAN_MCR,
-    CAN_RELEASED_NS,
-    HZ,
+    CAN_RELEASED,
+    CYCLES,
     State,
 )
 
@@ -48,7 +47,7 @@ def take(S: State, c: int, rir: int, length: int, time: int, low: int, high: int
 @njit(cache=True)
 def read(S: State, c: int, fifo: int) -> int:
     """RFxR: messages pending, FULL, FOVR, and RFOM for a moment after a release."""
-    busy = RFOM if S[CAN_RELEASED_NS + c + fifo] > now_ns(S) else 0
+    busy = RFOM if S[CAN_RELEASED + c + fifo] > S[CYCLES] else 0
     return S[CAN_FIFO_COUNT + c + fifo] | S[CAN_FIFO_FLAGS + c + fifo] | busy
 
 
@@ -63,4 +62,4 @@ def write(S: State, c: int, fifo: int, value: int) -> None:
     for k in range(8):
         S[at + k] = S[at + k + 4]
     S[CAN_FIFO_COUNT + c + fifo] = count - 1
-    S[CAN_RELEASED_NS + c + fifo] = now_ns(S) + _BUSY_CLOCKS * apb1_divisor(S) * NS // S[HZ]
+    S[CAN_RELEASED + c + fifo] = S[CYCLES] + _BUSY_CLOCKS * apb1_divisor(S)

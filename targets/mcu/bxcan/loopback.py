@@ -3,7 +3,7 @@
 FIDELITY: on silicon CANTX shows these frames unless SILM is set, too; here they never reach the bus.
 """
 
-from targets.frame_bits import length_bits
+from targets.frame_bits import EXTENDED_AT, LENGTH_AT, REMOTE_AT, length_bits
 from targets.jit import njit
 from targets.mcu.bxcan import errors, fifos, mailboxes, modes, timing
 from targets.mcu.bxcan.registers import IDE, INRQ, RTR, SLEEP, TXOK, TXRQ
@@ -28,10 +28,11 @@ def _big_endian(word: int) -> int:
 @njit(cache=True)
 def frame_bits(rir: int, length: int, low: int, high: int) -> int:
     """Bits of the frame with these contents of identifier and data registers, intermission not included."""
-    extended = rir & IDE != 0
+    extended, remote = (1 if rir & IDE else 0), (1 if rir & RTR else 0)
     identifier = rir >> 3 if extended else rir >> 21
-    remote, data = rir & RTR != 0, min(length, 8)
-    return length_bits(identifier, extended, remote, data, _big_endian(low), _big_endian(high))
+    head = identifier | min(length, 8) << LENGTH_AT | extended << EXTENDED_AT | remote << REMOTE_AT
+    data = _big_endian(low) << 32 | _big_endian(high)
+    return length_bits(head, data)
 
 
 @njit(cache=True)

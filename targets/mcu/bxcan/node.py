@@ -50,6 +50,7 @@ def offer(S: State, c: int, t_ns: int) -> int:
 def started(S: State, c: int, t_ns: int, mailbox: int) -> None:
     """A frame starts on the bus: its own of `mailbox`, NONE: another node's."""
     course.run_to(S, c, t_ns)
+    modes.watched(S, c, t_ns)  # it ends a run of recessive bits
     S[CAN_BUSY + c] = modes.JOINED if modes.listens(S, c) else modes.OVERHEARD
     S[CAN_SOF_NS + c] = t_ns
     if mailbox != NONE:
@@ -70,8 +71,13 @@ def lost(S: State, c: int, mailbox: int) -> None:
 
 
 @njit(cache=True)
-def receive(S: State, c: int, t_ns: int, rir: int, length: int, low: int, high: int) -> bool:
-    """Another node's frame ended well at `t_ns`. False if this one's bit rate is not the bus's."""
+def receive(S: State, c: int, t_ns: int, head: int, data: int) -> bool:
+    """Another node's frame ended well at `t_ns`. False if this one's bit rate is not the bus's.
+
+    head: identifier register and, from bit 32 on, the length. data: eight bytes, little-endian.
+    """
+    rir, length = head & 0xFFFFFFFF, head >> 32
+    low, high = data & 0xFFFFFFFF, data >> 32 & 0xFFFFFFFF
     if S[CAN_BUSY + c] == modes.IDLE:  # a bus that does not tell when frames start
         bits = loopback.frame_bits(rir, length, low, high)
         started(S, c, t_ns - timing.span_ns(S, c, bits), NONE)

@@ -23,8 +23,8 @@ def bitrate(S: State, c: int) -> int:
 
 @njit(cache=True)
 def span_ns(S: State, c: int, bits: int) -> int:
-    """Nanoseconds of `bits` bits, rounded up."""
-    return -(-bits * bit_cycles(S, c) * NS // S[HZ])
+    """Nanoseconds of `bits` bits, rounded down as instants are: the CPU sees them in the right cycle."""
+    return bits * bit_cycles(S, c) * NS // S[HZ]
 
 
 @njit(cache=True)
