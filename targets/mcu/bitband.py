@@ -3,9 +3,11 @@
 An access to the alias is one of its own size to the place that holds the bit; a write reads before.
 """
 
+from numba import carray, types
+
 from targets.jit import njit
-from targets.mcu import native
-from targets.mcu.state import SCRATCH, State
+from targets.mcu.host import pointer
+from targets.mcu.state import SRAM_HOST, State
 
 SRAM, SRAM_ALIAS, SRAM_ALIAS_SIZE = 0x20000000, 0x22000000, 32 * 0x20000
 DEVICES, DEVICES_ALIAS, DEVICES_ALIAS_SIZE = 0x40000000, 0x42000000, 32 * 0x80000
@@ -46,13 +48,15 @@ def changed(value: int, address: int, size: int, to: int) -> int:
 @njit(cache=True)
 def load_memory(S: State, address: int, size: int) -> int:
     """What lies at the place of an alias of SRAM."""
-    S[SCRATCH] = 0
-    native.read_memory(S, place(address, size), SCRATCH, size)
-    return S[SCRATCH]
+    memory, value = carray(pointer(S[SRAM_HOST] + place(address, size) - SRAM), (size,), types.uint8), 0
+    for k in range(size):
+        value |= types.int64(memory[k]) << (8 * k)
+    return value
 
 
 @njit(cache=True)
 def store_memory(S: State, address: int, size: int, value: int) -> None:
     """Write to the place of an alias of SRAM."""
-    S[SCRATCH] = value
-    native.write_memory(S, place(address, size), SCRATCH, size)
+    memory = carray(pointer(S[SRAM_HOST] + place(address, size) - SRAM), (size,), types.uint8)
+    for k in range(size):
+        memory[k] = value >> (8 * k) & 0xFF

@@ -2,12 +2,12 @@
 
 A device with time in it has `due(S)`, CPU cycles of its next event or NEVER, and `service(S)`, which does
 what has fallen due. The run loop calls both; between them no device needs to be looked at. After `service`,
-`due` lies in the future, or a sleeping core would wait for ever.
+`due` lies in the future, or a sleeping core would wait for ever, unless a reset is asked for.
 """
 
 from targets.jit import njit
 from targets.mcu import iwdg, rcc, tim, usart, wwdg
-from targets.mcu.state import State
+from targets.mcu.state import CYCLES, RESET_REQUEST, State
 
 NEVER = rcc.NEVER
 
@@ -15,6 +15,8 @@ NEVER = rcc.NEVER
 @njit(cache=True)
 def due(S: State) -> int:
     """CPU cycles at which the next device event falls due, NEVER if there is none."""
+    if S[RESET_REQUEST]:  # a core that sleeps must not sleep on
+        return S[CYCLES]
     at = min(rcc.due(S), iwdg.due(S))
     at = min(at, wwdg.due(S))
     at = min(at, tim.due(S))

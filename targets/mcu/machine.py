@@ -47,6 +47,7 @@ class Stm32f405:
         self._sram = _aligned(SRAM_SIZE)
         self._ccm = _aligned(CCM_SIZE)
         self.state = state.allocate(len(image.flash))
+        self.state[state.SRAM_HOST] = self._sram.ctypes.data
         self._records = records.attach(self.state)
         self._engine = _engine(self)
         self._reset(power_on_ns)

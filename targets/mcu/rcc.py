@@ -255,9 +255,9 @@ def _control(S: State, value: int) -> None:
     pll_used = S[RCC_SOURCE] == 2 or S[RCC_CFGR] & 3 == 2
     if pll_used:
         value |= 1 << 24
-    if S[RCC_SOURCE] == 1 or pll_used and from_hse:
+    if S[RCC_SOURCE] == 1 or (pll_used and from_hse):
         value |= 1 << 16
-    if S[RCC_SOURCE] == 0 or pll_used and not from_hse:
+    if S[RCC_SOURCE] == 0 or (pll_used and not from_hse):
         value |= 1
     value &= 0x050D00F9
     S[RCC_CR] = before & 0xFF00 | value

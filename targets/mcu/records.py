@@ -11,7 +11,7 @@ from numba import carray, types
 from numpy.typing import NDArray
 
 from targets.jit import njit
-from targets.mcu.native import pointer
+from targets.mcu.host import pointer
 from targets.mcu.state import RING_STRIDE, RINGS, State
 
 EDGES = 0

@@ -10,7 +10,7 @@ from numba import carray, types
 
 from targets.jit import cfunc
 from targets.mcu import bitband, identity
-from targets.mcu.native import pointer
+from targets.mcu.host import pointer
 from targets.mcu.peripherals import PERIPHERALS, PERIPHERALS_SIZE, SYSTEM, SYSTEM_SIZE, load, store
 from targets.mcu.state import COST, REGION, SELF, State
 

@@ -169,6 +169,8 @@ USART_STRIDE = 24
 # For each address region that devices answer in: the address of this array, and the region's base
 REGION = 2400
 
+SRAM_HOST = 2420  # address of SRAM1 in this process
+
 # Rings of records in an array of their own: address, capacity, words a record, records so far, records taken
 RINGS = 2304
 RING_STRIDE = 5

@@ -257,7 +257,7 @@ def write(S: State, unit: int, offset: int, value: int) -> bool:
         S[at + register] = value & 0xFFFF
     else:
         return False
-    for which, bits in _UNMODELLED:
+    for which, bits in _UNMODELLED:  # noqa: SIM110  # compiled code has no generators
         if register == which and value & bits:
             return False
     return True
