@@ -1,4 +1,4 @@
-"""Capture/compare channels of TIM2 to TIM5 (RM0090 section 18.3.4 and on): what they make of the counter.
+"""Capture/compare channels of TIM2 to TIM5 (RM0090 sections 18.3.4 to 18.3.10), driven by the counter.
 
 Also where a timer's registers lie in the state. Not modelled: the input filter, clearing OCxREF by ETR, TRC.
 """

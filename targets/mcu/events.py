@@ -2,13 +2,13 @@
 
 A device with time in it has `due(S)`, CPU cycles of its next event or NEVER, and `service(S)`, which does
 what has fallen due. The run loop calls both; between them no device needs to be looked at. After `service`,
-`due` lies in the future, or a sleeping core would wait for ever.
+`due` lies in the future, or a sleeping core would wait for ever, unless a reset is asked for.
 """
 
 from targets.jit import njit
 from targets.mcu import bxcan, iwdg, rcc, systick, tim, usart, wwdg
 from targets.mcu.clock import cycles_at
-from targets.mcu.state import State
+from targets.mcu.state import CYCLES, RESET_REQUEST, State
 
 NEVER = rcc.NEVER
 
@@ -16,6 +16,8 @@ NEVER = rcc.NEVER
 @njit(cache=True)
 def due(S: State) -> int:
     """CPU cycles at which the next device event falls due, NEVER if there is none."""
+    if S[RESET_REQUEST]:  # a core that sleeps must not sleep on
+        return S[CYCLES]
     at = min(systick.due(S), rcc.due(S))
     at = min(at, iwdg.due(S))
     at = min(at, wwdg.due(S))

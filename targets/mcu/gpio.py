@@ -180,7 +180,7 @@ def _lock(S: State, port: int, value: int) -> None:
 
 @njit("int64(int64[::1], int64, int64)", cache=True)
 def _writable(S: State, port: int, bits: int) -> int:
-    """The bits of a configuration register with `bits` a pin whose pins, 32 / bits, are not locked."""
+    """The bits of a configuration register, `bits` for each pin, whose pins are not locked."""
     lock = S[GPIO + GPIO_STRIDE * port + LCKR]
     mask = 0
     for pin in range(16):

@@ -6,7 +6,7 @@ from targets.mcu.state import DBGMCU, State
 BASE = 0x1FFF0000
 SIZE = 0x10000
 UNIQUE_ID = (0x00420024, 0x32345117, 0x38353635)
-"""96 bits at 0x1FFF7A10: wafer X 36 and Y 66, wafer 23, lot "Q425658" in ASCII; in every emulator."""
+"""96 bits at 0x1FFF7A10: X 36 and Y 66 on wafer 23 of lot "Q425658"; the same in every emulator."""
 FLASH_KBYTE = 1024
 DBGMCU_BASE = 0xE0042000
 IDCODE = 0x100F6413  # STM32F405xx, revision Y

@@ -185,7 +185,7 @@ def store(S: State, address: int, size: int, value: int) -> None:
 
 @njit(cache=True)
 def _beside(S: State, address: int) -> int:
-    """What a narrow write brings to the rest of its word: nothing must come of that, nor of asking."""
+    """What a narrow write brings to the rest of its word: neither it nor finding it out may do anything."""
     unit = usart.index(address)
     if _acts_on_ones(address):
         return 0

@@ -233,6 +233,7 @@ USART_STRIDE = 24
 # For each address region that devices answer in: the address of this array, and the region's base
 REGION = 2400
 
+
 # Rings of records in an array of their own: address, capacity, words a record, records so far, records taken
 RINGS = 2304
 RING_STRIDE = 5

@@ -50,18 +50,19 @@ def feed(mcu: HasState, name: str, data: bytes) -> None:
     unit = _unit(name, usart.NAMES)
     S = mcu.state
     usart.service(S)
-    if records.room(S, records.INPUT + unit) < len(data):
-        raise ValueError(
-            f"{len(data)} bytes for {name} while {records.waiting(S, records.INPUT + unit)} wait"
-        )
+    ring = records.INPUT + unit
+    if records.room(S, ring) < len(data):
+        raise ValueError(f"{len(data)} bytes for {name} while {records.waiting(S, ring)} wait")
     for byte in data:
-        records.append(S, records.INPUT + unit, (byte,))
+        records.append(S, ring, (byte,))
     usart.begin_input(S, unit)
 
 
 def unheard(mcu: HasState, name: str) -> int:
     """Bytes fed to a USART that was not listening, or had not been read in time."""
-    return int(mcu.state[USART + USART_STRIDE * _unit(name, usart.NAMES) + usart.LOST])
+    unit = _unit(name, usart.NAMES)
+    usart.settle(mcu.state, unit)
+    return int(mcu.state[USART + USART_STRIDE * unit + usart.LOST])
 
 
 def _unit(name: str, names: tuple[str, ...]) -> int:

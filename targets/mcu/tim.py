@@ -155,7 +155,7 @@ def _is_watched(S: State, timer: int) -> bool:
 
 @njit(cache=True)
 def _skip(S: State, timer: int, now: int) -> None:
-    """Whole periods, an even number because of toggling outputs, of a counter that repeats itself."""
+    """Whole periods of a counter that repeats itself; an even number, because of toggling outputs."""
     at = slot(timer)
     period = 2 * S[at + ARR_NOW] if S[at + CR1] & CENTRE else S[at + ARR_NOW] + 1
     pair = 2 * period * _tick(S, at)
