@@ -34,6 +34,6 @@ def service(S: State) -> None:
     bxcan.service(S)
     tim.service(S)
     usart.service(S)
-    wwdg.settle(S)
+    wwdg.service(S)
     iwdg.service(S)
     rcc.service(S)

@@ -17,6 +17,7 @@ from targets.mcu import (
     diagnosis,
     dynamic,
     faults,
+    identity,
     native,
     peripherals,
     pipeline,
@@ -360,7 +361,9 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
     read, write = (ctypes.c_void_p(f.address) for f in (regions.on_read, regions.on_write))
     for k, (base, size) in enumerate(regions.REGIONS):
         region = ctypes.c_void_p(regions.user_data(S, k))
-        _checked(library.uc_mmio_map(uc._uch, base, size, read, region, write, region))
+        # Without a callback for writes a region is read-only: what lies there is in ROM.
+        written = None if base == identity.BASE else write
+        _checked(library.uc_mmio_map(uc._uch, base, size, read, region, written, region))
     _hook(uc, unicorn.UC_HOOK_BLOCK, blocks.on_block.address, user)
     _hook(uc, unicorn.UC_HOOK_INTR, traps.on_interrupt.address, user)
     _hook(uc, unicorn.UC_HOOK_MEM_INVALID, traps.on_invalid.address, user)

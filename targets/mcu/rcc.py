@@ -162,12 +162,18 @@ def start_lsi(S: State) -> None:
 
 
 @njit(cache=True)
+def _waited_for(S: State) -> int:
+    """The oscillators whose readiness brings something about: an interrupt, or the switch to them."""
+    waited, wanted = S[RCC_CIR] >> 8 & 0x3F & ~S[RCC_READY_SEEN], S[RCC_CFGR] & 3
+    return waited if wanted == S[RCC_SOURCE] or wanted == 3 else waited | 1 << (HSI + wanted)
+
+
+@njit(cache=True)
 def due(S: State) -> int:
     """CPU cycles at which a start-up ends that something waits for."""
-    waited, at = S[RCC_CIR] >> 8 & 0x3F, NEVER
-    if S[RCC_CFGR] & 3 != S[RCC_SOURCE]:
-        waited |= 1 << (HSI + (S[RCC_CFGR] & 3))
-    waited &= ~S[RCC_READY_SEEN]
+    waited, at = _waited_for(S), NEVER
+    if waited == 0:
+        return NEVER
     for oscillator in range(6):
         if waited >> oscillator & 1 and S[RCC_READY_NS + oscillator] < NEVER:
             at = min(at, cycles_at(S, S[RCC_READY_NS + oscillator]))
@@ -193,7 +199,7 @@ def _follow(S: State) -> bool:
 @njit(cache=True)
 def service(S: State) -> None:
     """Do what the end of a start-up allows."""
-    if _follow(S):
+    if _waited_for(S) and _follow(S):
         check_limits(S)
 
 
@@ -224,7 +230,7 @@ def _bank(offset: int) -> int:
 def read(S: State, offset: int) -> int:
     """Value of the register at `offset`, -1 if it is not modelled."""
     bits = ready(S)
-    if bits != S[RCC_READY_SEEN]:
+    if bits & _waited_for(S):
         S[ATTEND] = 1  # what follows from it is done at the next block
     if offset == 0x00:
         up = (bits >> HSI & 1) << 1 | (bits >> HSE & 1) << 17
@@ -286,6 +292,7 @@ def _backup(S: State, value: int) -> None:
 def write(S: State, offset: int, value: int) -> bool:
     """Write the register at `offset`; False if it is not modelled."""
     S[ATTEND] = 1
+    _follow(S)
     if offset == 0x00:
         _control(S, value)
     elif offset == 0x04:

@@ -211,7 +211,8 @@ def due(S: State) -> int:
     """CPU cycles at which a flag may rise that an interrupt is enabled for; pins are looked at afterwards."""
     at = rcc.NEVER
     for timer in range(TIMERS):
-        at = min(at, _due(S, timer))
+        if S[slot(timer) + DIER] != 0:
+            at = min(at, _due(S, timer))
     return at
 
 
@@ -219,7 +220,8 @@ def due(S: State) -> int:
 def service(S: State) -> None:
     """Count to the present."""
     for timer in range(TIMERS):
-        settle(S, timer)
+        if S[slot(timer) + CR1] & CEN:
+            settle(S, timer)
 
 
 @njit(cache=True)

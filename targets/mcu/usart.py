@@ -151,7 +151,9 @@ def settle(S: State, unit: int) -> None:
 def service(S: State) -> None:
     """Send and receive up to the present, all of them."""
     for unit in range(6):
-        settle(S, unit)
+        at = USART + USART_STRIDE * unit
+        if S[at + SHIFTING] != EMPTY or S[at + ARRIVING] != rcc.NEVER or S[at + IDLE_AT] != rcc.NEVER:
+            settle(S, unit)
 
 
 @njit(cache=True)

@@ -63,6 +63,13 @@ def settle(S: State) -> None:
 
 
 @njit(cache=True)
+def service(S: State) -> None:
+    """Count to the present if something comes of it."""
+    if S[WWDG_ACTIVE]:
+        settle(S)
+
+
+@njit(cache=True)
 def pause(S: State) -> None:
     """PCLK1 is about to change: count, and note how far the present count is."""
     settle(S)

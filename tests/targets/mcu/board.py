@@ -1,6 +1,6 @@
 """The MCU's devices without its core: registers by address, time passing by hand."""
 
-from targets.mcu import events, lines, rcc, records, resets
+from targets.mcu import bxcan, events, lines, rcc, records, resets, scs
 from targets.mcu.peripherals import load, store
 from targets.mcu.state import (
     CYCLES,
@@ -19,10 +19,12 @@ class Board:
     """Devices after reset, at `hz`, all with their clocks on unless `clocks` is false."""
 
     def __init__(self, hz: int = 16_000_000, clocks: bool = True) -> None:
-        self.state = allocate(0)
+        self.state = allocate()
         self._records = records.attach(self.state)
         self.state[HZ] = hz
         rcc.reset(self.state)
+        scs.reset(self.state)
+        bxcan.reset(self.state)
         resets.reset_all(self.state)
         if clocks:
             self.state[RCC_ENABLE : RCC_ENABLE + 6] = 0xFFFFFFFF

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from targets.mcu import bitband
 from targets.mcu.machine import Stm32f405
-from tests.targets.mcu.programs import program
+from tests.targets.mcu.assembled import program
 
 SIZES = st.sampled_from([1, 2, 4])
 GPIOC_ODR, EXTI_PR, AHB1ENR = 0x40020814, 0x40013C14, 0x40023830

@@ -8,7 +8,7 @@ from targets.mcu.state import BASE_NS, CYCLES, HZ, allocate
 
 @pytest.fixture
 def S():
-    S = allocate(0)
+    S = allocate()
     S[HZ] = 16_000_000
     return S
 

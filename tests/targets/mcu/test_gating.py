@@ -37,7 +37,7 @@ def test_narrow_write_counts_once(board):
 def test_each_device_has_its_own_bit(base):
     """Each device answers with its own enable bit alone (sections 7.3.10 to 7.3.14)."""
     name, register, bit = gating.DEVICES[base]
-    S = allocate(0)
+    S = allocate()
     S[RCC_ENABLE : RCC_ENABLE + 6] = 0xFFFFFFFF
     S[RCC_ENABLE + register] &= ~(1 << bit)
     answering = {n for at, (n, _, _) in gating.DEVICES.items() if gating.answers(S, at + 0x3FC)}

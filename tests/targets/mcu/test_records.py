@@ -11,7 +11,7 @@ RING = records.INPUT
 
 def ring():
     """A state with its rings, the first input ring cut to 16 records."""
-    S = allocate(0)
+    S = allocate()
     memory = records.attach(S)
     S[RINGS + RING_STRIDE * RING + 1] = 16
     return S, memory
@@ -55,7 +55,7 @@ def test_rings_do_not_touch():
 
 def test_state_without_memory_only_counts():
     """Without rings attached a record is counted and nothing is written."""
-    S = allocate(0)
+    S = allocate()
     before = S.copy()
     records.append(S, records.EDGES, (1, 2, 3, 4, 5))
     before[RINGS + 3] = 1

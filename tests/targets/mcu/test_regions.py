@@ -7,7 +7,7 @@ from targets.errors import FirmwareFault
 from targets.mcu import gating, pins
 from targets.mcu.machine import TIME, Stm32f405
 from targets.mcu.state import RESET_CAUSE
-from tests.targets.mcu.programs import program
+from tests.targets.mcu.assembled import program
 
 MS = 1_000_000
 

@@ -22,7 +22,7 @@ class Can:
     """CAN1, or CAN2 with `number` 2, at 22 MHz on a bus of 500 kbit/s, as reset leaves it."""
 
     def __init__(self, number=1, S=None):
-        self.S = allocate(0) if S is None else S
+        self.S = allocate() if S is None else S
         self.c = CAN_STRIDE * (number - 1)
         self._base = 0x400 * (number - 1)
         if S is None:

@@ -45,7 +45,7 @@ def bus_off(can):
 
 
 def test_counters_and_last_error_code(can):
-    """Errors add to TEC and REC, ESR has them and the last code; a good frame takes one off and clears LEC."""
+    """Errors add to TEC and REC, ESR has them and the last code; a good frame takes one off."""
     for code in (STUFF, FORM, ACK, RECESSIVE, DOMINANT, CRC):
         can.fails(code=code, rec=1)
         assert can.lec == code

@@ -146,7 +146,7 @@ def test_code_and_lowest_priority(order, identifiers):
 
 
 def test_failed_frame_is_repeated(can):
-    """Without NART an error leaves the mailbox pending with TERR, a lost arbitration with ALST; then success."""
+    """Without NART an error leaves the mailbox pending with TERR, a lost arbitration with ALST."""
     can.fill(0, 0x123)
     can.fails(0, tec=8)
     assert outcome(can, 0) == (TERR, 0)
