@@ -13,7 +13,9 @@ setup(
                 f"{CORE}/{name}.c" for name in ("calibration", "narx", "residual", "checks", "ifd", "ecu")
             ]
             + ["targets/firmware/host/host.c"],
-            depends=[f"{CORE}/{n}.h" for n in ("calibration", "narx", "ifd", "ecu", "frames", "tansig", "dot")],
+            depends=[
+                f"{CORE}/{n}.h" for n in ("calibration", "narx", "ifd", "ecu", "frames", "tansig", "dot")
+            ],
             extra_compile_args=["-std=c99", "-O2", "-ffp-contract=off"],
             optional=True,
         )

@@ -73,6 +73,12 @@ class _Station:
         self._level = RECESSIVE  # of the passive flag's equal bits
         self._forgiven = False  # a missing acknowledgment that does not count, so far
 
+    @property
+    def busy(self) -> bool:
+        """Whether it still follows a frame or an error frame; a receiver that saw no start of frame does not."""
+        waits = self.phase is _Phase.FRAME and self.sends is None and not self._bits
+        return self.phase is not _Phase.DONE and not waits
+
     def drives(self, bit: int) -> int:
         """The level it sends in bit `bit`."""
         if self.phase is _Phase.FRAME:
@@ -193,7 +199,7 @@ def carry(
     stations = [_Station(sender, bits, 32 if frame.extended else 12), *map(_Station, receivers)]
     seen: list[Seen] = []
     bit = 0
-    while any(station.phase is not _Phase.DONE for station in stations):
+    while any(station.busy for station in stations):
         sent = [station.drives(bit) for station in stations]
         level = min(sent) ^ (bit == inverted)
         for number, station in enumerate(stations):
