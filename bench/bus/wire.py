@@ -75,7 +75,7 @@ class _Station:
 
     @property
     def busy(self) -> bool:
-        """Whether it still follows a frame or an error frame; a receiver without a start of frame does not."""
+        """Whether it still follows a frame or an error frame; without a start of frame it has none."""
         waits = self.phase is _Phase.FRAME and self.sends is None and not self._bits
         return self.phase is not _Phase.DONE and not waits
 
