@@ -77,8 +77,8 @@ class Stm32f405:
         self._sram = _aligned(SRAM_SIZE)
         self._ccm = _aligned(CCM_SIZE)
         self.state = state.allocate()
-        for k, (address, content) in enumerate(((FLASH, self.flash), (SRAM, self._sram), (CCM, self._ccm))):
-            self.state[state.MEMORIES + 3 * k :][:3] = (address, len(content), content.ctypes.data)
+        for k, (address, memory) in enumerate(((FLASH, self.flash), (SRAM, self._sram), (CCM, self._ccm))):
+            self.state[state.MEMORIES + 3 * k :][:3] = (address, len(memory), memory.ctypes.data)
         self._breakpoints: list[int] = []
         self._records = records.attach(self.state)
         self._engine = _engine(self)
@@ -312,13 +312,8 @@ class Stm32f405:
 
 
 def _is_device(address: int) -> bool:
-    return any(
-        base <= address < base + size
-        for base, size in (
-            (peripherals.PERIPHERALS, peripherals.PERIPHERALS_SIZE),
-            (peripherals.SYSTEM, peripherals.SYSTEM_SIZE),
-        )
-    )
+    inside = 0 <= address - peripherals.PERIPHERALS < peripherals.PERIPHERALS_SIZE
+    return inside or 0 <= address - peripherals.SYSTEM < peripherals.SYSTEM_SIZE
 
 
 def _accesses(address: int, count: int) -> Iterator[tuple[int, int]]:

@@ -65,6 +65,4 @@ static inline float tansig_of(float x, tansig_terms t) {
     return p / q;
 }
 
-static inline float tansig(float x) { return tansig_of(x, tansig_read()); }
-
 #endif

@@ -39,7 +39,7 @@ static float fv0[MAX_NEURONS], fv1[MAX_NEURONS];
 
 static float transfer(float n) {
 #ifdef SINGLE
-    return tansig(n);
+    return tansig_of(n, tansig_read());
 #else
     return (2.0f / (1.0f + (float)exponential(-2.0f * n))) - 1.0f;
 #endif

@@ -250,18 +250,30 @@ def test_neighbour_input_measures_a_pulse(board):
     pins.drive_pin(board, "PC6", 1)
     board.skip(5)
     pins.drive_pin(board, "PC6", 0)
+    assert board[SR] == 2 | 4
     assert (board[CCR1], board[CCR1 + 4]) == (7, 12)
+    assert board[SR] == 0
 
 
 def test_capture_prescaler(board):
     """ICxPSC captures every eighth edge (section 18.4.7)."""
     capture(board, 1 | 3 << 2, 1)
-    for _ in range(8):
-        assert board[SR] & 2 == 0
+    kept = []
+    for edge in range(1, 21):
+        if edge == 20:  # switched off, the prescaler starts again
+            board[CCER] = 0
+            board[CCER] = 1
         board.skip(10)
         pins.drive_pin(board, "PC6", 1)
         pins.drive_pin(board, "PC6", 0)
-    assert board[CCR1] == 80
+        if board[SR] & 2:
+            kept.append(board[CCR1])
+    assert kept == [80, 160]
+    for _ in range(7):
+        assert board[SR] & 2 == 0
+        pins.drive_pin(board, "PC6", 1)
+        pins.drive_pin(board, "PC6", 0)
+    assert board[SR] & 2
 
 
 def test_captured_value_is_read_only(board):

@@ -124,6 +124,34 @@ def test_one_pulse_stops_at_the_update(board):
     assert (board[TIM3 + CNT], board[TIM3 + SR] & 1) == (0, 1)
 
 
+def test_one_pulse_starts_again_from_the_beginning(board):
+    """A pulse started again has the length of the first (section 18.3.10)."""
+    start(board, psc=9, arr=99, cr1=OPM)
+    board.skip(1000)
+    board[TIM3 + CR1] = CEN | OPM
+    board.skip(1 + 9)
+    assert board[TIM3 + CNT] == 0
+    board.skip(1)
+    assert board[TIM3 + CNT] == 1
+
+
+def test_registers_keep_what_is_written(board):
+    """Each register has the bits of section 18.4, EGR none; also those whose effects are not modelled."""
+    bits = {
+        CR2: 0xF8,
+        SMCR: 0xFFF7,
+        DIER: 0x5F5F,
+        EGR: 0,
+        CCMR1: 0xFFFF,
+        CCMR2: 0xFFFF,
+        CCER: 0xBBBB,
+        PSC: 0xFFFF,
+    }
+    for offset in bits:
+        board[TIM3 + offset] = 0xFFFFFFFF
+    assert {offset: board[TIM3 + offset] for offset in bits} == bits
+
+
 def test_preloaded_period_waits_for_the_update(board):
     """With ARPE a new ARR acts from the next period on, without it at once (section 18.3.1)."""
     start(board, arr=99, cr1=ARPE)
@@ -262,9 +290,9 @@ def test_what_is_not_modelled_is_counted(board, offset, value):
 
 def test_registers_that_only_other_timers_have(board):
     """Repetition counter, break and DMA burst registers are not there."""
-    for offset in (0x30, 0x44, 0x48, 0x4C):
+    for offset in (0x30, 0x44, 0x48, 0x4C, OR, 0x54):
         assert board[TIM3 + offset] == 0
-    assert board.unmodelled == {TIM3 + offset for offset in (0x30, 0x44, 0x48, 0x4C)}
+    assert board.unmodelled == {TIM3 + offset for offset in (0x30, 0x44, 0x48, 0x4C, OR, 0x54)}
 
 
 PINS = ("PC6", "PC7", "PC8", "PC9")
