@@ -6,7 +6,7 @@ Belongs here: who acts when. Never: what a frame says (watch), what it means (ve
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bench.bus.timed import Delivered, Load, TimedBus
+from bench.bus.timed import Delivered, Disturbance, Load, TimedBus
 from bench.errors import BusError
 from bench.mdlog.logger import NODE, Schedule
 from bench.watch import Watch
@@ -40,19 +40,22 @@ def ride(
     watch: Watch,
     bitrate: int = 500_000,
     progress: Callable[[int], None] | None = None,
+    disturbance: Disturbance | None = None,
 ) -> Ride:
     """Put the frames of `schedule` on a timed bus with `ecu` until both are done.
 
     watch sees every frame. progress is called with the time reached, ns, about once a second of the lap.
+    disturbance: breaks frames on the bus.
     An ECU that faults, stops answering, floods the bus or asks for what no bus carries ends the ride early,
     with the reason in `Ride.failure`.
     """
-    bus = TimedBus(bitrate)
+    bus = TimedBus(bitrate, disturbance)
+    bus.attach(ecu)
     frames: list[Delivered] = []
     source = iter(schedule)
     upcoming = next(source, None)
     end_ns = (int(schedule.t_ns[-1]) if len(schedule) else 0) + DRAIN_NS
-    handle, now_ns, told_ns, waiting = 0, 0, 0, 0
+    handle, now_ns, told_ns = 0, 0, 0
     failure = None
     try:
         while True:
@@ -63,7 +66,7 @@ def ride(
             request = ecu.advance(now_ns)
             if request is not None:
                 bus.submit(request.t_ns, ecu.name, request.handle, request.frame)
-                waiting += 1
+                waiting = bus.waiting(ecu.name)
                 if waiting > MOST_WAITING:
                     failure = f"ECU floods the bus: {waiting} frames wait at {now_ns / 1e9:.9g} s"
                     break
@@ -82,11 +85,7 @@ def ride(
             if delivered is None:
                 continue
             frames.append(delivered)
-            if delivered.node == NODE:
-                ecu.receive(delivered.frame, now_ns)
-            else:
-                waiting -= 1
-                ecu.sent(delivered.handle, now_ns)
+            if delivered.node != NODE:
                 watch.heard(delivered.frame, now_ns)
             if progress is not None and now_ns - told_ns >= 1_000_000_000:
                 told_ns = now_ns

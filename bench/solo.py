@@ -59,7 +59,8 @@ def run(
     look: called with the instant at least every `every_ns`. Raises FirmwareFault, and BusError for what no
     bus carries; `tally` holds what was sent until then.
     """
-    now_ns, waiting = 0, 0
+    bus.attach(ecu)
+    now_ns = 0
     while True:
         decision_ns = bus.next_decision_ns()
         soon_ns = min(until_ns, now_ns + every_ns)
@@ -69,15 +70,13 @@ def run(
             look(reach_ns)
         if request is not None:
             bus.submit(request.t_ns, ecu.name, request.handle, request.frame)
-            waiting += 1
+            waiting = bus.waiting(ecu.name)
             if waiting > MOST_WAITING:
                 raise BusError(f"{ecu.name} floods the bus: {waiting} frames wait at {reach_ns / 1e9:.9g} s")
             continue
         now_ns = reach_ns
         delivered = bus.step(now_ns)
         if delivered is not None:
-            waiting -= 1
-            ecu.sent(delivered.handle, now_ns)
             tally.add(delivered.t_end_ns, delivered.frame)
         elif now_ns >= until_ns:
             return

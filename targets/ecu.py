@@ -1,10 +1,11 @@
 """What the bench knows of an ECU: frames, time in nanoseconds, and nothing else.
 
 Sans-I/O: an ECU is handed frames with their instant, is told how far it may run, and answers with the
-transmissions it requests. Belongs here: the protocol and its two value types. Never: a bus, a lap, a clock.
+transmissions it requests. Belongs here: the protocols and their value types. Never: a bus, a lap, a clock.
 """
 
-from typing import NamedTuple, Protocol
+from enum import IntEnum
+from typing import NamedTuple, Protocol, runtime_checkable
 
 
 class Frame(NamedTuple):
@@ -45,3 +46,58 @@ class Ecu(Protocol):
 
     def where(self) -> str:
         """Where the program stands, for the report of an ECU that no longer answers ('' if unknown)."""
+
+
+class Confinement(IntEnum):
+    """How far a node takes part in its bus (ISO 11898-1 clause 12.1.4): not at all, hearing, or sending."""
+
+    OFF = 0
+    SILENT = 1
+    PASSIVE = 2
+    ACTIVE = 3
+
+
+class ErrorCode(IntEnum):
+    """Kinds of error that a node sees, numbered as bxCAN's last error code."""
+
+    STUFF = 1
+    FORM = 2
+    ACKNOWLEDGMENT = 3
+    BIT_RECESSIVE = 4
+    BIT_DOMINANT = 5
+    CRC = 6
+
+
+class SeenError(NamedTuple):
+    """An error as one node sees it, and what it adds to that node's transmit and receive error counters."""
+
+    code: ErrorCode
+    tec: int
+    rec: int
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """A CAN controller with mailboxes, modes and error counters of its own, as its bus deals with it.
+
+    An `Ecu` that is no Controller is an ideal node: the bus keeps its queue and its error counters. Beside
+    these methods the bus calls `receive` and `sent`, which end a frame as `ended` does.
+    """
+
+    def confinement(self) -> Confinement:
+        """How far it takes part at present."""
+
+    def offer(self, t_ns: int) -> Transmission | None:
+        """The frame it would start at `t_ns`, None if it has none or may not."""
+
+    def started(self, handle: int | None, t_ns: int) -> None:
+        """A frame starts at `t_ns`: its own `handle`, None: another node's."""
+
+    def lost(self, handle: int) -> None:
+        """Its `handle` lost the arbitration of the frame that has just started."""
+
+    def error(self, handle: int | None, error: SeenError, t_ns: int) -> None:
+        """It sees an error at `t_ns` while it sends `handle`, None: while it receives."""
+
+    def ended(self, t_ns: int) -> None:
+        """The bus is free again at `t_ns`, and nothing was sent or received."""

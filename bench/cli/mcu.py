@@ -157,6 +157,9 @@ def run(
     vectors: Annotated[
         str, typer.Option(metavar="ADDR", help="Where the vector table is, if a boot loader is skipped.")
     ] = "0x08000000",
+    usart: Annotated[
+        bool, typer.Option("--usart", help="Show what it writes to its USARTs and to ITM as it comes.")
+    ] = False,
     trace: Annotated[bool, typer.Option("--trace", help="Show each function as it is entered.")] = False,
     trace_blocks: Annotated[
         bool, typer.Option("--trace-blocks", help="Show each basic block as it is run.")
@@ -186,7 +189,7 @@ def run(
     if trace_out:
         check_writable(trace_out)
     quiet = str(json_out) == "-"
-    options = Options(can, bitrate, until, trace or trace_blocks, trace_blocks, trace_out, quiet)
+    options = Options(can, bitrate, until, trace or trace_blocks, trace_blocks, trace_out, usart, quiet)
     result, fault = report(load(elf, at), options)
     _write_json(json_out, result)
     if fault:

@@ -15,11 +15,13 @@ if TYPE_CHECKING:
     from targets.emulated import EmulatedEcu
     from targets.errors import FirmwareFault
     from targets.mcu.image import Image
+    from targets.mcu.machine import Stm32f405
 
 TRACE_LOOK_NS = 1_000_000
 """Emulated time between two looks at the trace, which has room for this much."""
 
 DEFAULT_S = 1.0
+LAST_LINES = 20
 BEHIND_S = 0.05
 """A live run further behind than this is no live run."""
 
@@ -33,6 +35,7 @@ class Options(NamedTuple):
     trace: bool
     every_block: bool
     trace_out: Path | None
+    usart: bool
     quiet: bool
 
 
@@ -44,7 +47,13 @@ def report(image: Image, options: Options) -> tuple[dict[str, Any], FirmwareFaul
     ecu = _powered(image, options)
     if not image.symbols:
         typer.echo(f"bench: firmware: {image.source} has no symbols: addresses alone are shown", err=True)
-    with _trace(ecu, options) as follow:
+    with _trace(ecu, options) as follow_trace:
+        follow_text = _Text(ecu.mcu).show if options.usart else lambda: None
+
+        def follow() -> None:
+            follow_trace()
+            follow_text()
+
         run = _Run(ecu, options, follow)
         try:
             run.go()
@@ -114,8 +123,8 @@ class _Run:
         from bench.solo import run
 
         until_ns = round((self._options.until_s or DEFAULT_S) * 1e9)
-        # A bar and a trace on one terminal would write over each other.
-        shown = self._options.trace and self._options.trace_out is None
+        # A bar and other lines on one terminal would write over each other.
+        shown = self._options.usart or (self._options.trace and self._options.trace_out is None)
         with nullcontext(lambda _: None) if shown else lap_progress(until_ns, "running") as tell:
 
             def look(t_ns: int) -> None:
@@ -147,6 +156,23 @@ def _trace(ecu: EmulatedEcu, options: Options) -> Iterator[Callable[[], None]]:
         yield lambda: _write_steps(steps.take(), ecu.mcu.image, out)
 
 
+class _Text:
+    """Shows what the firmware has written to its USARTs and to ITM since the last time."""
+
+    def __init__(self, mcu: Stm32f405) -> None:
+        from targets.mcu import textlog
+
+        self._mcu, self._log = mcu, textlog.log
+        self._seen = dict.fromkeys(textlog.NAMES, 0)
+
+    def show(self) -> None:
+        for name, seen in self._seen.items():
+            found = self._log(self._mcu, name)
+            self._seen[name] = found.lost + len(found.data)
+            if fresh := found.data[len(found.data) - (self._seen[name] - seen) :].tobytes():
+                typer.echo(fresh.decode("utf-8", "replace"), nl=False)
+
+
 def _write_steps(taken: Any, image: Image, out: TextIO) -> None:
     steps, lost = taken
     for t_ns, address in steps:
@@ -158,7 +184,7 @@ def _write_steps(taken: Any, image: Image, out: TextIO) -> None:
 
 def _result(ecu: EmulatedEcu, tally: Tally, ended: str, fault: str | None) -> dict[str, Any]:
     from bench.bus.timed import EXTENDED
-    from targets.mcu import state
+    from targets.mcu import gating, limits, state, textlog
     from targets.mcu.registers import name
 
     mcu = ecu.mcu
@@ -189,6 +215,13 @@ def _result(ecu: EmulatedEcu, tally: Tally, ended: str, fault: str | None) -> di
             }
             for key, sent in sorted(tally.by_id.items())
         ],
+        "text": {
+            unit: said.decode("utf-8", "replace")
+            for unit in textlog.NAMES
+            if (said := textlog.output(mcu, unit))
+        },
+        "beyond_limits": limits.warnings(S),
+        "without_clock": gating.unclocked(S),
         "unmodelled": [
             {"address": address, "register": name(address), "accesses": times}
             for address, times in sorted(mcu.unmodelled().items())
@@ -216,6 +249,13 @@ def _show(result: dict[str, Any]) -> None:
             number = f"{row['id']:08x}" if row["extended"] else f"{row['id']:03x}     "
             period = "-" if row["period_ms"] is None else f"{row['period_ms']:.3f}"
             say(f"{'':13}{number}  {row['frames']:6}  {row['first_s']:9.6f}  {period:>9}  {row['last_data']}")
+    for unit, text in result["text"].items():
+        say(f"  {unit:<10} {len(text)} characters" + (", the last lines:" if text.strip() else ""))
+        for line in text.splitlines()[-LAST_LINES:]:
+            say(f"{'':13}{line}")
+    for kind, words in (("beyond_limits", "beyond the data sheet"), ("without_clock", "clock off")):
+        for what, times in result[kind].items():
+            say(f"  {words}: {what}, {times} times")
     if result["unmodelled"]:
         say("  not modelled: reads gave 0, writes did nothing")
         for row in result["unmodelled"]:

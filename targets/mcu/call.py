@@ -85,9 +85,9 @@ class Caller:
                 raise FirmwareFault(f"{symbol} {asleep} after {limit_cycles} cycles at {mcu.where()}")
             if mcu.run(clock.ns_of(S, min(end, mcu.cycles + CHUNK_CYCLES)) + 1) == TRANSMIT:
                 S[state.CAN_TX_NEW] = 0  # there is no bus
-        spent = [now - before for now, before in zip(_counts(mcu), begun, strict=True)]
+        cycles, low, high, instructions = (now - at for now, at in zip(_counts(mcu), begun, strict=True))
         r0, r1 = (native.get_register(S, core.REG_R0 + k) & 0xFFFFFFFF for k in range(2))
-        return Outcome(*spent, r0, r1)
+        return Outcome(cycles, low, high, instructions, r0, r1)
 
     def dump(self, address: int, count: int) -> bytes:
         """Bytes of memory; FirmwareError if they do not lie in one."""

@@ -1,9 +1,15 @@
 """Cycles to nanoseconds and back, exactly, across changes of the CPU's clock."""
 
 from targets.jit import njit
-from targets.mcu.state import ATTEND, BASE_CYCLES, BASE_NS, CYCLES, HZ, State
+from targets.mcu.state import ATTEND, BASE_CYCLES, BASE_NS, CYCLES, HZ, LATE, State
 
 NS = 1_000_000_000
+
+
+@njit(cache=True)
+def now_cycles(S: State) -> int:
+    """The CPU cycles that have passed: of the block at work, those up to the access that a device answers."""
+    return S[CYCLES] - S[LATE]
 
 
 @njit(cache=True)
@@ -17,7 +23,7 @@ def ns_of(S: State, cycles: int) -> int:
 @njit(cache=True)
 def now_ns(S: State) -> int:
     """The instant the CPU has reached."""
-    return ns_of(S, S[CYCLES])
+    return ns_of(S, now_cycles(S))
 
 
 @njit(cache=True)

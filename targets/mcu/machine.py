@@ -17,11 +17,15 @@ from targets.mcu import (
     diagnosis,
     dynamic,
     faults,
+    identity,
     native,
     peripherals,
     pipeline,
     preemption,
     rcc,
+    records,
+    regions,
+    resets,
     scs,
     sites,
     state,
@@ -73,9 +77,10 @@ class Stm32f405:
         self._sram = _aligned(SRAM_SIZE)
         self._ccm = _aligned(CCM_SIZE)
         self.state = state.allocate()
-        for k, (address, content) in enumerate(((FLASH, self.flash), (SRAM, self._sram), (CCM, self._ccm))):
-            self.state[state.MEMORIES + 3 * k :][:3] = (address, len(content), content.ctypes.data)
+        for k, (address, memory) in enumerate(((FLASH, self.flash), (SRAM, self._sram), (CCM, self._ccm))):
+            self.state[state.MEMORIES + 3 * k :][:3] = (address, len(memory), memory.ctypes.data)
         self._breakpoints: list[int] = []
+        self._records = records.attach(self.state)
         self._engine = _engine(self)
         for address, content in image.ram:
             self._engine.mem_write(address, content)
@@ -92,6 +97,7 @@ class Stm32f405:
         S[state.BASE_NS] = t_ns
         S[state.HZ] = rcc.HSI_HZ
         rcc.reset(S)
+        resets.reset_all(S)
         bxcan.reset(S)
         scs.reset(S)
         S[state.VTOR] = vectors = self.image.vectors or FLASH
@@ -347,25 +353,12 @@ def _engine(mcu: Stm32f405) -> "unicorn.Uc":
     S = mcu.state
     native.bind(S, ctypes.cast(uc._uch, ctypes.c_void_p).value or 0, library)
     user = ctypes.c_void_p(state.as_pointer(S))
-    for base, size, read, write in (
-        (
-            peripherals.PERIPHERALS,
-            peripherals.PERIPHERALS_SIZE,
-            peripherals.on_peripheral_read,
-            peripherals.on_peripheral_write,
-        ),
-        (
-            peripherals.SYSTEM,
-            peripherals.SYSTEM_SIZE,
-            peripherals.on_system_read,
-            peripherals.on_system_write,
-        ),
-    ):
-        _checked(
-            library.uc_mmio_map(
-                uc._uch, base, size, ctypes.c_void_p(read.address), user, ctypes.c_void_p(write.address), user
-            )
-        )
+    read, write = (ctypes.c_void_p(f.address) for f in (regions.on_read, regions.on_write))
+    for k, (base, size) in enumerate(regions.REGIONS):
+        region = ctypes.c_void_p(regions.user_data(S, k))
+        # Without a callback for writes a region is read-only: what lies there is in ROM.
+        written = None if base == identity.BASE else write
+        _checked(library.uc_mmio_map(uc._uch, base, size, read, region, written, region))
     _hook(uc, unicorn.UC_HOOK_BLOCK, blocks.on_block.address, user)
     _hook(uc, unicorn.UC_HOOK_INTR, traps.on_interrupt.address, user)
     _hook(uc, unicorn.UC_HOOK_MEM_INVALID, traps.on_invalid.address, user)

@@ -85,6 +85,16 @@ _stop = _caller(types.int64)
 _register = _caller(types.int64, types.int32, types.int64)
 
 
+@intrinsic
+def pointer(typingctx: Any, address: Any) -> Any:
+    """An address as a pointer."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], ir.IntType(8).as_pointer())
+
+    return types.voidptr(types.int64), codegen
+
+
 @njit(cache=True)
 def start(S: State, address: int, count: int) -> int:
     """Run from `address` until a hook stops the engine, the core waits, or `count` instructions have run.

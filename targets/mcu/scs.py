@@ -2,6 +2,7 @@
 
 from targets.jit import njit
 from targets.mcu import faults, mpu, nvic, preemption, systick
+from targets.mcu.clock import now_cycles
 from targets.mcu.preemption import BUS_FAULT, DEBUG_MONITOR, MEM_MANAGE, NMI, PEND_SV, SV_CALL, SYS_TICK
 from targets.mcu.state import (
     ACTIVE_DEPTH,
@@ -11,7 +12,6 @@ from targets.mcu.state import (
     CCR,
     CFSR,
     CPACR,
-    CYCLES,
     DEMCR,
     DFSR,
     DWT_CTRL,
@@ -68,7 +68,7 @@ def read(S: State, address: int) -> int:
     if address == 0xE0001000:
         return S[DWT_CTRL]
     if address == 0xE0001004:
-        return (S[CYCLES] - S[DWT_OFFSET]) & M32 if S[DWT_CTRL] & 1 else S[DWT_OFFSET] & M32
+        return (now_cycles(S) - S[DWT_OFFSET]) & M32 if S[DWT_CTRL] & 1 else S[DWT_OFFSET] & M32
     if address == 0xE000E004:  # ICTR: interrupts in groups of 32, less one
         return nvic.IRQS // 32 - 1
     if address == 0xE000E008:
@@ -134,7 +134,7 @@ def write(S: State, address: int, value: int) -> bool:
         _count(S, value & 1)
         S[DWT_CTRL] = 0x40000000 | value & 0xFFFFFFF
     elif address == 0xE0001004:
-        S[DWT_OFFSET] = S[CYCLES] - value if S[DWT_CTRL] & 1 else value
+        S[DWT_OFFSET] = now_cycles(S) - value if S[DWT_CTRL] & 1 else value
     elif address == 0xE000E008:
         S[ACTLR] = value & 0x307
     elif address == 0xE000EDFC:
@@ -277,6 +277,6 @@ def _count(S: State, enable: int) -> None:
     """CYCCNT starts or stops: while stopped the slot holds its value, while running the offset to CYCLES."""
     running = S[DWT_CTRL] & 1
     if enable and not running:
-        S[DWT_OFFSET] = S[CYCLES] - S[DWT_OFFSET]
+        S[DWT_OFFSET] = now_cycles(S) - S[DWT_OFFSET]
     elif running and not enable:
-        S[DWT_OFFSET] = (S[CYCLES] - S[DWT_OFFSET]) & M32
+        S[DWT_OFFSET] = (now_cycles(S) - S[DWT_OFFSET]) & M32

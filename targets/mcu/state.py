@@ -4,12 +4,19 @@ Devices, hooks and the run loop are compiled functions over this array; Python l
 Copying it (with memory and registers) is a snapshot. Belongs here: the layout. Never: behaviour.
 """
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 State = NDArray[np.int64]
+
+
+class HasState(Protocol):
+    """An emulated MCU, or what passes for one: its state is all that a device's face to Python needs."""
+
+    state: State
+
 
 # Engine
 UC = 0  # unicorn's handle
@@ -60,35 +67,12 @@ ACTIVE = 177  # exception numbers, nested: 16 priorities, HardFault and NMI
 RCC_CR = 208
 RCC_PLLCFGR = 209
 RCC_CFGR = 210
-RCC_HSE_AT = 211  # nanoseconds at which the oscillator is ready
-RCC_PLL_AT = 212
 RCC_ENABLE = 216  # AHB1, AHB2, AHB3, reserved, APB1, APB2
 FLASH_ACR = 224
 
 # GPIO A..I: MODER, OTYPER, OSPEEDR, PUPDR, IDR, ODR, -, -, AFRL, AFRH
 GPIO = 240
 GPIO_STRIDE = 10
-
-# bxCAN 1
-CAN_MCR = 336
-CAN_MSR = 337
-CAN_TSR = 338
-CAN_IER = 339
-CAN_ESR = 340
-CAN_BTR = 341
-CAN_TX_NEW = 342  # mailboxes whose request Python has not seen, a bit each
-CAN_TX_NS = 343  # three: when the request was made
-CAN_MAILBOX = 348  # three of TIR, TDTR, TDLR, TDHR
-CAN_FIFO_COUNT = 360  # two
-CAN_FIFO_FLAGS = 362  # two: FULL and FOVR
-CAN_FIFO = 364  # two of three of RIR, RDTR, RDLR, RDHR
-CAN_FMR = 388
-CAN_FM1R = 389
-CAN_FS1R = 390
-CAN_FFA1R = 391
-CAN_FA1R = 392
-CAN_FILTER = 400  # 28 of FR1, FR2
-CAN_LOST = 456  # frames that no filter let in, or that came while the controller was not on the bus
 
 # Access to what is not modelled: count of entries, then address and times
 UNMODELLED = 464
@@ -146,9 +130,114 @@ FAULT_REGISTERS = 1105  # seventeen
 # Where memories lie on the host: three of first address, size, host address; the first of them is the flash
 MEMORIES = 1124
 
-# 1280..1535: bxCAN
+# 1280..1535: bxCAN. Words of controller 1; those of controller 2 lie CAN_STRIDE further on.
+CAN_STRIDE = 80
+CAN_MCR = 1280
+CAN_MSR = 1281  # INAK, SLAK, ERRI, WKUI, SLAKI; the rest is computed
+CAN_TSR = 1282  # without CODE and LOW
+CAN_IER = 1283
+CAN_LEC = 1284  # last error code
+CAN_BTR = 1285
+CAN_TEC = 1286
+CAN_REC = 1287
+CAN_BOFF = 1288  # 1: bus-off
+CAN_LOST = 1289  # frames that no filter let in, or that came while the controller was not on the bus
+CAN_FIFO_COUNT = 1290  # two
+CAN_FIFO_FLAGS = 1292  # two: FULL and FOVR
+CAN_RELEASED = 1294  # two: CPU cycles until which RFOM reads as set
+CAN_MAILBOX = 1296  # three of TIR, TDTR, TDLR, TDHR
+CAN_FIFO = 1308  # two of three of RIR, RDTR, RDLR, RDHR
+CAN_TX_NS = 1332  # three: when the request was made
+CAN_TX_ORDER = 1335  # three: which request it was
+CAN_REQUESTS = 1338  # so many so far
+CAN_SENDING = 1339  # mailbox + 1 on the wire, 0 if none
+CAN_BUSY = 1340  # the bus: 0 idle, 1 a frame that this controller takes no part in, 2 one that it does
+CAN_SOF_NS = 1341  # start of that frame
+CAN_SYNC = 1342  # sequences of 11 recessive bits still to be seen before normal mode
+CAN_RECOVER = 1343  # and before the end of bus-off
+CAN_WATCH_NS = 1344  # start of the first sequence not counted yet
+CAN_EPOCH_NS = 1345  # start of the bit counter for time stamps
+CAN_LOOP_NS = 1346  # loop-back: when its frame ends, or the next one may start
+CAN_LOOP_FREE_NS = 1347
+CAN_STUCK_NS = 1348  # when a request made in bus-off has waited too long
+CAN_STUCK_MAILBOX = 1349
+CAN_DUE_NS = 1350  # the earliest of these instants
+CAN_BITRATE = 1351  # of the bus it is attached to, 0 if to none
+# Shared by both controllers
+# Mailboxes whose request Python has not seen: bits 0..2 and 8..10; 7 and 15: CAN_STUCK_NS has come
+CAN_TX_NEW = 1440
+CAN_FMR = 1441
+CAN_FM1R = 1442
+CAN_FS1R = 1443
+CAN_FFA1R = 1444
+CAN_FA1R = 1445
+CAN_FILTER = 1446  # 28 of FR1, FR2
 # 1536..3071: other devices
-RESET_CAUSE = 1536  # who asked for the reset
+RESET_CAUSE = 1536  # who asked for the reset: see reset.py
+
+# RCC beyond the registers above
+RCC_SOURCE = 1538  # SWS: the clock that drives SYSCLK
+RCC_CIR = 1539
+RCC_BDCR = 1540
+RCC_CSR = 1541
+RCC_SSCGR = 1542
+RCC_PLLI2SCFGR = 1543
+RCC_READY_NS = 1544  # six: when LSI, LSE, HSI, HSE, PLL and PLLI2S are ready, in the order of CIR's bits
+RCC_READY_SEEN = 1550  # those that have been ready before: CIR reports the moment, not the state
+RCC_LOW_POWER = 1552  # six, as RCC_ENABLE
+RCC_RESET = 1558  # six
+RCC_WARNINGS = 1564  # eight pairs: times, and the last value
+
+PWR_CR = 1580
+PWR_CSR = 1581
+SYSCFG = 1584  # MEMRMP, PMC, EXTICR1 to 4, CMPCR
+EXTI = 1592  # IMR, EMR, RTSR, FTSR, SWIER, PR
+CRC_DR = 1600
+CRC_IDR = 1601
+IWDG_PR = 1604
+IWDG_RLR = 1605
+IWDG_UNLOCKED = 1606
+IWDG_RUNNING = 1607
+IWDG_EXPIRES_NS = 1608
+IWDG_PVU_NS = 1609  # until when PVU and RVU stand
+IWDG_RVU_NS = 1610
+WWDG_CFR = 1612
+WWDG_SR = 1613
+WWDG_ACTIVE = 1614  # WDGA
+WWDG_COUNT = 1615  # T at cycle WWDG_BASE
+WWDG_BASE = 1616
+WWDG_PHASE = 1617  # PCLK1 clocks into the count, while its clock is off or changing
+DBGMCU = 1620  # CR, APB1_FZ, APB2_FZ
+ITM_TER = 1624
+ITM_TPR = 1625
+ITM_TCR = 1626
+ITM_UNLOCKED = 1627
+TPIU = 1628  # CSPSR, ACPR, SPPR, FFCR
+
+# GPIO beyond the registers: per port what the registers come to, as masks of 16 pins
+GPIO_PINS = 1640
+GPIO_PINS_STRIDE = 12
+
+# Accesses to devices whose clock is off, a count for each bit of RCC_ENABLE
+UNCLOCKED = 1760  # six words of 32 bits
+
+# TIM2 to TIM5: registers at their offset / 4, then what counts
+TIM = 1952
+TIM_STRIDE = 48
+TIM_OUTPUT = 2144  # four of four: level of each channel's output, -1 while off
+
+# USART1, 2, 3, UART4, 5, USART6
+USART = 2160
+USART_STRIDE = 24
+
+# For each address region that devices answer in: the address of this array, and the region's base
+REGION = 2400
+
+
+# Rings of records in an array of their own: address, capacity, words a record, records so far, records taken
+RINGS = 2304
+RING_STRIDE = 5
+
 # 3072..3583: time, and what the cycle model remembers
 TIME = 3072
 # The same count as CYCLES with the timing model's optimistic and its pessimistic figures

@@ -2,9 +2,9 @@
 
 from targets.jit import njit
 from targets.mcu import preemption
+from targets.mcu.clock import now_cycles
 from targets.mcu.state import (
     ATTEND,
-    CYCLES,
     SYST_BASE,
     SYST_CTRL,
     SYST_DUE,
@@ -37,7 +37,7 @@ def _settle(S: State) -> None:
     """Bring the count up to date: SYST_VALUE at SYST_BASE, a whole count at or before CYCLES."""
     if not S[SYST_CTRL] & ENABLE:
         return
-    counts = (S[CYCLES] - S[SYST_BASE]) // _divisor(S)
+    counts = (now_cycles(S) - S[SYST_BASE]) // _divisor(S)
     S[SYST_BASE] += counts * _divisor(S)
     value, load = S[SYST_VALUE], S[SYST_LOAD]
     if counts < value:
@@ -81,7 +81,7 @@ def due(S: State) -> int:
 @njit(cache=True)
 def service(S: State) -> None:
     """Make the exception pending if the count has come to zero."""
-    if S[CYCLES] >= S[SYST_DUE]:
+    if now_cycles(S) >= S[SYST_DUE]:
         _settle(S)
         _schedule(S)
 
@@ -107,13 +107,13 @@ def write(S: State, offset: int, value: int) -> bool:
     _settle(S)
     if offset == 0x0:
         if value & ~S[SYST_CTRL] & ENABLE:
-            S[SYST_BASE] = S[CYCLES]
+            S[SYST_BASE] = now_cycles(S)
         S[SYST_CTRL] = S[SYST_CTRL] & COUNTFLAG | value & (ENABLE | TICKINT | CLKSOURCE)
     elif offset == 0x4:
         S[SYST_LOAD] = value & 0xFFFFFF
     elif offset == 0x8:  # any value clears the count, and COUNTFLAG
         S[SYST_VALUE] = 0
-        S[SYST_BASE] = S[CYCLES]
+        S[SYST_BASE] = now_cycles(S)
         S[SYST_CTRL] &= ~COUNTFLAG
     _schedule(S)
     return True

@@ -11,7 +11,7 @@ from numba import carray, types
 from targets.jit import cfunc
 from targets.mcu import clock, state
 from targets.mcu.machine import Stm32f405
-from targets.mcu.pointer import pointer
+from targets.mcu.native import pointer
 from targets.mcu.state import CYCLES
 
 CAPACITY = 1 << 18

@@ -14,6 +14,7 @@ from targets.mcu import exceptions, faulting, faults, native, preemption
 from targets.mcu.attention import has_fpu
 from targets.mcu.faulting import REG_R0, REG_XPSR
 from targets.mcu.memory import halfword
+from targets.mcu.memory_map import CCM
 from targets.mcu.preemption import SV_CALL
 from targets.mcu.state import (
     ACCESS,
@@ -173,7 +174,8 @@ def failed(S: State, error: int, behind: bool) -> None:
     elif error in (uc.UC_ERR_FETCH_UNMAPPED, uc.UC_ERR_FETCH_PROT):
         take_fault(S, faults.FETCH_XN if _holds_no_code(S[PC]) else faults.FETCH_BUS, S[PC])
     elif error == uc.UC_ERR_WRITE_PROT:
-        take_fault(S, faults.FLASH_WRITE, address)
+        # Flash, at its own addresses or its alias; what else is read-only is ROM and answers no write.
+        take_fault(S, faults.FLASH_WRITE if address < CCM else faults.DATA_BUS, address)
     elif error in (uc.UC_ERR_READ_UNMAPPED, uc.UC_ERR_WRITE_UNMAPPED, uc.UC_ERR_READ_PROT):
         take_fault(S, faults.DATA_BUS, address)
     else:

@@ -35,7 +35,7 @@ from targets.jit import cfunc
 from targets.mcu import blocks, machine, native
 from targets.mcu.image import load
 from targets.mcu.machine import Stm32f405
-from targets.mcu.state import COST, CYCLES, DEADLINE, PC, STOPPED
+from targets.mcu.state import CYCLES, DEADLINE, PC, SIZE, STOPPED
 from tests.conftest import wavy_lap
 from tests.targets.mcu import qemu
 from tests.targets.mcu.rsp import Client, connect
@@ -59,7 +59,7 @@ END_CODE = bytes.fromhex("fee7")  # b .
 @cfunc(types.void(types.voidptr, types.uint64, types.uint32, types.voidptr))
 def deadline_only(engine: Any, address: int, size: int, user: Any) -> None:
     """What is left of the block hook without the cycle model: looking at the deadline."""
-    S = carray(user, (COST,), types.int64)
+    S = carray(user, (SIZE,), types.int64)
     if S[CYCLES] >= S[DEADLINE]:
         S[STOPPED] = blocks.AT_BLOCK
         S[PC] = types.int64(address)

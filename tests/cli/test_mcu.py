@@ -225,6 +225,23 @@ def test_run_of_a_heartbeat(bench, out, arm_gcc):
     assert "0x40013000  SPI1_CR1          1 times" in said.out
 
 
+def test_run_that_says_something(bench, out, arm_gcc):
+    """What was written to USARTs and ITM is in the report, and with --usart shown as it comes."""
+    elf_file = built("says", "-O1")
+    said = bench("mcu", "run", elf_file, "--until", 0.01, "--json", out)
+    assert said.code == 0
+    result = json.loads(out.read_text())
+    text = "hello, bench\nsecond line\n"
+    assert result["text"] == {"USART2": text, "ITM": text}
+    assert "  USART2     25 characters, the last lines:\n             hello, bench\n" in said.out
+    assert result["without_clock"]
+    assert all(
+        f"clock off: {what}, {times} times" in said.out for what, times in result["without_clock"].items()
+    )
+    shown = bench("mcu", "run", elf_file, "--until", 0.01, "--usart").out
+    assert shown.index("second line\n") < shown.index("on the emulated STM32F405")
+
+
 def test_run_at_another_bit_rate(bench, arm_gcc):
     """A firmware set to another bit rate than the bus faults by name; told the right one it runs."""
     slow = built("heart", "-O1", "-DBRP=12")

@@ -162,6 +162,7 @@ def test_memory_is_written(probe):
     for address in (SRAM + 3, 0x10000001, 0x08004001, 0x0800C000):
         assert probe.write_memory(address, b"\x12\x34\x56\x78\x9a")
         assert probe.read_memory(address, 5) == b"\x12\x34\x56\x78\x9a"
+    assert probe.write_memory(0x40023830, b"\1\0\0\0")  # RCC_AHB1ENR: a clock for port A
     assert probe.write_memory(0x40020000, (0xAB).to_bytes(4, "little"))
     assert probe.read_memory(0x40020000, 4) == (0xAB).to_bytes(4, "little")
     assert not probe.write_memory(0x30000000, b"\0")

@@ -68,6 +68,7 @@ def test_registers_can_be_set(mcu):
 
 def test_memory_of_all_kinds_is_within_reach(mcu):
     """A debugger reads and writes RAM, flash and devices; an address without memory is named."""
+    mcu.write_memory(0x40023830, b"\1\0\0\0")  # RCC_AHB1ENR: a clock for port A
     for address in (0x20000101, 0x10000003, 0x08003001, 0x40020000):
         mcu.write_memory(address, b"\x12\x34\x56")
         assert mcu.read_memory(address, 3) == b"\x12\x34\x56"

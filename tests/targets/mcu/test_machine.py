@@ -211,6 +211,7 @@ def test_half_word_write_leaves_the_other_half(image):
     from targets.mcu.peripherals import load, store
 
     mcu = Stm32f405(image)
+    store(mcu.state, 0x40023830, 4, 1)  # GPIOA's clock
     store(mcu.state, 0x40020000, 4, 0x12345678)
     store(mcu.state, 0x40020002, 2, 0xABCD)
     store(mcu.state, 0x40020000, 1, 0xEF)
