@@ -1,42 +1,51 @@
-"""The two ends of a live bus in wall time: the logger replaying a lap, and an ECU answering it.
+"""The logger's end of a live bus: a lap replayed in wall time, by absolute deadlines, and the answers heard.
 
-The same parts as in virtual time, driven by the clock: the replay reports its own lateness, and a run that
-was late by a period or more is no verdict on the ECU. Frames count from when they arrived, not from when this
-process came to read them.
+The same parts as in virtual time, driven by the clock. Bench time runs `speed` times as fast as the wall's.
+The replay reports its own lateness, and a run that was late by a period or more is no verdict on the ECU.
+Frames count from when they arrived, not from when this process came to read them.
 """
 
 import gc
 import time
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bench.bus.live import Heard
 from bench.codec import Codec
-from bench.mdlog.logger import NODE, Schedule
+from bench.errors import BusError
+from bench.mdlog.feed import Feed
+from bench.mdlog.logger import NODE
 from bench.watch import Watch
-from targets.ecu import Ecu, Frame
+from targets.ecu import Frame
 
-PERIOD_NS = 10_000_000
-DRAIN_NS = 2 * PERIOD_NS
+DRAIN_NS = 20_000_000
+"""How long the answer to the last cycle is waited for."""
 
-IDLE_S = 0.005
-"""How often the ECU's virtual time is brought up to the clock when no frame comes."""
+TICK_NS = 5_000_000
+"""How often, at most, those who attend a replay are given a turn."""
 
-LOOK_NS = 1_000_000
-AHEAD_NS = 100_000_000
-"""Virtual time given to the ECU at once with each frame, and how far that may put it ahead of the clock."""
+RETRY_NS = 200_000
+"""How long a frame that found the interface's queue full waits for its next try."""
+
+PATIENCE_NS = 10_000_000
+"""How long a frame is tried before it counts as unsent."""
 
 Row = tuple[int, Frame, str]
 
 
 class Bus(Protocol):
-    """What this room asks of a live bus; `LiveBus` is one."""
+    """What this room asks of a live bus; `LiveBus` is one. echoes: it hears its own frames."""
 
-    def send(self, frame: Frame) -> None:
-        """Put `frame` on the bus."""
+    echoes: bool
+
+    def send(self, frame: Frame, timeout_s: float = 0.0) -> bool:
+        """Put `frame` on the bus; False if it was not taken within `timeout_s` because a queue is full."""
 
     def receive(self, timeout_s: float) -> Heard | None:
         """The next frame, None if none came within `timeout_s`."""
@@ -44,149 +53,168 @@ class Bus(Protocol):
 
 @dataclass(frozen=True)
 class Replay:
-    """What a live replay did: frames in the order sent and heard, worst and mean lateness of a cycle, ns."""
+    """What a live replay did: frames in the order sent and heard, and how late each one left, wall ns.
+
+    late_ns: int64 (frames sent,). refused: how often the interface's queue was full. unsent: frames given up
+    for that. failure: why the run proves nothing, None if it may.
+    """
 
     frames: list[Row]
-    worst_late_ns: int
-    mean_late_ns: float
+    late_ns: NDArray[np.int64]
+    refused: int
+    unsent: int
     failure: str | None
 
+    @property
+    def worst_late_ns(self) -> int:
+        """Of all frames, 0 without any."""
+        return int(self.late_ns.max(initial=0))
 
-def replay(
-    schedule: Schedule,
-    bus: Bus,
-    watch: Watch | None,
-    progress: Callable[[int], None] | None = None,
-    clock: Callable[[], int] = time.monotonic_ns,
-) -> Replay:
-    """Send the frames of `schedule` when they are due, and listen in between.
+    @property
+    def mean_late_ns(self) -> float:
+        """Of all frames, 0 without any."""
+        return float(self.late_ns.mean()) if len(self.late_ns) else 0.0
+
+
+class LiveRig:
+    """The frames of `source` on a live bus, brought forward step by step; the counterpart of `rig.Rig`.
 
     watch: follows the ECU's answers, None where none is expected; an ECU that stops answering ends the
-    replay. progress is called with the time reached, ns, about once a second.
+    replay. progress is called with the bench time reached, ns, about once a second of it. attend: called with
+    the bench time after a cycle's frames have left, at most every TICK_NS; must not block. speed: bench time
+    over wall time. Time starts with the first step. now_ns: the instant reached.
     """
-    with _no_collection():
-        start = clock()
-        listener = _Listener(bus, watch, lambda: clock() - start)
-        late: list[int] = []
-        told = 0
-        for t_ns, group in groupby(schedule, key=lambda row: row[0]):
-            listener.listen(t_ns)
-            if listener.failure:
-                break
-            # Nothing stands between the instant and the frames: judging and drawing wait until they are out.
-            now = clock() - start
-            late.append(now - t_ns)
-            for _, frame in group:
-                bus.send(frame)
-                listener.frames.append((clock() - start, frame, NODE))
-            listener.cycle(now)
-            if progress and t_ns - told >= 1_000_000_000:
-                told = t_ns
-                progress(t_ns)
-        listener.finish(DRAIN_NS)
-    failure, worst = listener.failure, max(late, default=0)
-    if worst >= PERIOD_NS:
-        # Said first: an answer that seems to be missing may be the bench's own lateness.
-        failure = f"the replay was late by {worst / 1e6:.1f} ms, a period is {PERIOD_NS / 1e6:.0f} ms"
-    listener.frames.sort(key=lambda row: row[0])
-    return Replay(listener.frames, worst, sum(late) / len(late) if late else 0.0, failure)
 
-
-class _Listener:
-    """Hears the bus and judges each cycle, once all that arrived before the next one has been read."""
-
-    def __init__(self, bus: Bus, watch: Watch | None, now: Callable[[], int]) -> None:
-        self._bus, self._watch, self._now = bus, watch, now
+    def __init__(
+        self,
+        source: Feed,
+        bus: Bus,
+        watch: Watch | None,
+        progress: Callable[[int], None] | None = None,
+        clock: Callable[[], int] = time.monotonic_ns,
+        attend: Sequence[Callable[[int], None]] = (),
+        speed: float = 1.0,
+    ) -> None:
+        self._source, self._bus, self._watch, self._progress = source, bus, watch, progress
+        self._clock, self._attend, self.speed = clock, attend, speed
+        self._started: int | None = None
+        self._told_ns, self._ticked_ns = 0, -TICK_NS
+        self._late: list[int] = []
+        self._refused = self._unsent = 0
+        self._begun_ns: int | None = None  # a cycle sent, whose predecessor has not been judged yet
+        self._own: deque[Frame] = deque(maxlen=64)
+        codec = watch.codec if watch else Codec()
+        self._logged = {m.id: m.name for m in codec.messages() if NODE in m.senders}
         self.frames: list[Row] = []
         self.failure: str | None = None
-        self._begun_ns: int | None = None  # a cycle sent, whose predecessor has not been judged yet
 
-    def cycle(self, t_ns: int) -> None:
-        """The next cycle's frames left at `t_ns`."""
+    @property
+    def now_ns(self) -> int:
+        """Bench time, 0 before the first step."""
+        return 0 if self._started is None else int((self._clock() - self._started) * self.speed)
+
+    @property
+    def end_ns(self) -> int:
+        """When the last answer should have been heard."""
+        return self._source.last_ns + int(DRAIN_NS * max(self.speed, 1.0))
+
+    def advance(self, until_ns: int) -> None:
+        """Replay what is due by `until_ns` and listen until then, or to where the replay fails."""
+        if self._started is None:
+            self._started = self._clock()
+        try:
+            with _no_collection():
+                while (
+                    not self.failure and (due_ns := self._source.next_ns) is not None and due_ns <= until_ns
+                ):
+                    self._listen(due_ns)
+                    if not self.failure:
+                        self._cycle(due_ns)
+                self._listen(until_ns)
+        except BusError as error:
+            self.failure = self.failure or f"{error.side}: {error}"
+
+    def finish(self) -> None:
+        """Go on to the end of the lap, and wait for the answer to its last cycle."""
+        self.advance(self._source.last_ns)
+        self.advance(max(self.now_ns, self._source.last_ns) + int(DRAIN_NS * self.speed))
         self._settle()
-        self._begun_ns = t_ns
+        if self._watch and not self.failure:
+            self.failure = self._watch.unanswered(self.now_ns)
 
-    def listen(self, until_ns: int) -> None:
+    def replayed(self) -> Replay:
+        """What has happened so far."""
+        late = np.array(self._late, dtype=np.int64)
+        failure, worst, period_ns = self.failure, int(late.max(initial=0)), self._source.cycle_ns / self.speed
+        if worst >= period_ns:
+            # Said first: an answer that seems to be missing may be the bench's own lateness.
+            failure = f"the replay was late by {worst / 1e6:.1f} ms, a period is {period_ns / 1e6:g} ms"
+        if self._unsent:
+            failure = f"{self._unsent} frames were not sent: the interface's queue stayed full"
+        frames = sorted(self.frames, key=lambda row: row[0])
+        return Replay(frames, late, self._refused, self._unsent, failure)
+
+    def _cycle(self, due_ns: int) -> None:
+        # Nothing stands between the instant and the frames: judging and drawing wait until they are out.
+        now = self.now_ns
+        while (frame := self._source.take(due_ns)) is not None:
+            self._send(due_ns, frame)
+        self._settle()
+        self._begun_ns = now
+        if now - self._ticked_ns >= TICK_NS:
+            self._ticked_ns = now
+            for turn in self._attend:
+                turn(now)
+        if self._progress and due_ns - self._told_ns >= 1_000_000_000:
+            self._told_ns = due_ns
+            self._progress(due_ns)
+
+    def _send(self, due_ns: int, frame: Frame) -> None:
+        """Hand `frame` to the bus, again and again while that has no room."""
+        begun_ns = now_ns = self.now_ns
+        while not self._bus.send(frame):
+            self._refused += 1
+            if now_ns - begun_ns >= PATIENCE_NS * self.speed:
+                self._unsent += 1
+                self.failure = "frames were not sent"
+                return
+            self._listen(self.now_ns + int(RETRY_NS * self.speed))
+            now_ns = self.now_ns
+        self._late.append(int((now_ns - due_ns) / self.speed))
+        self._own.append(frame)
+        self.frames.append((self.now_ns, frame, NODE))
+
+    def _listen(self, until_ns: int) -> None:
         """Read what comes until `until_ns`, or until an answer is found missing."""
-        while not self.failure and (left := until_ns - self._now()) > 0:
-            heard = self._bus.receive(min(left / 1e9, 0.5))
+        while not self.failure and (left := until_ns - self.now_ns) > 0:
+            heard = self._bus.receive(min(left / self.speed / 1e9, 0.5))
             if heard is None:
                 self._settle()
                 continue
-            t_ns = max(self._now() - heard.age_ns, 0)
+            if heard.frame.id in self._logged and not heard.frame.extended:
+                self._logger(heard.frame)
+                continue
+            t_ns = max(self.now_ns - int(heard.age_ns * self.speed), 0)
             if self._begun_ns is not None and t_ns >= self._begun_ns:
                 self._settle()
             self.frames.append((t_ns, heard.frame, self._watch.role if self._watch else "heard"))
             if self._watch:
                 self._watch.heard(heard.frame, t_ns)
 
-    def finish(self, drain_ns: int) -> None:
-        """Wait for the answer to the last cycle, and judge it."""
-        self.listen(self._now() + drain_ns)
-        self._settle()
-        if self._watch and not self.failure:
-            self.failure = self._watch.unanswered(self._now())
+    def _logger(self, frame: Frame) -> None:
+        """A frame that only a data logger sends: an echo of our own, or there is another one."""
+        if self._bus.echoes and frame in self._own:
+            self._own.remove(frame)
+        else:
+            self.failure = (
+                f"another data logger is on the bus: {self._logged[frame.id]} with alive count and data "
+                f"{frame.data.hex()} is none of ours"
+            )
 
     def _settle(self) -> None:
         if self._begun_ns is not None and self._watch:
             self.failure = self.failure or self._watch.cycle(self._begun_ns)
         self._begun_ns = None
-
-
-def serve(
-    ecu: Ecu,
-    bus: Bus,
-    clock: Callable[[], int] = time.monotonic_ns,
-    seconds: float | None = None,
-    ready: Callable[[], None] | None = None,
-) -> int:
-    """Let `ecu` live on `bus` until interrupted, or for `seconds`; the frames it sent.
-
-    Its virtual time follows the clock, except that after each frame it is given LOOK_NS at once: what it does
-    with the frame takes virtual time, and waiting for that would only add to the time it takes to emulate it.
-    """
-    sent = 0
-
-    def catch_up(t_ns: int) -> int:
-        count = 0
-        while (request := ecu.advance(t_ns)) is not None:
-            bus.send(request.frame)
-            ecu.sent(request.handle, max(request.t_ns, t_ns))
-            count += 1
-        return count
-
-    sent += catch_up(0)
-    gc.freeze()  # what has been imported by now stays: no need to look through it again and again
-    begun = clock()
-    reached, arrived = 0, 0
-    if ready:
-        ready()
-    while seconds is None or clock() - begun < seconds * 1e9:
-        heard = bus.receive(IDLE_S)
-        now = clock() - begun
-        if heard is None:
-            reached = max(reached, now)
-            sent += catch_up(reached)
-            continue
-        # Frames read late, after a pause of this process, still come one after the other.
-        arrived = max(arrived, now - heard.age_ns)
-        reached = max(reached, arrived)
-        sent += catch_up(reached)
-        ecu.receive(heard.frame, arrived)
-        # More frames than any bus carries may not push its time ever farther ahead.
-        reached = max(reached, min(reached + LOOK_NS, now + AHEAD_NS))
-        sent += catch_up(reached)
-    return sent
-
-
-def rehearse(ecu: Ecu) -> None:
-    """Let a spare `ecu` answer one input cycle, so that all that is compiled at first use is compiled."""
-    ecu.advance(0)
-    for message in Codec().messages():
-        if NODE in message.senders:
-            ecu.receive(Frame(message.id, bytes(message.length), message.extended), 0)
-    while (request := ecu.advance(PERIOD_NS)) is not None:
-        ecu.sent(request.handle, request.t_ns)
 
 
 @contextmanager

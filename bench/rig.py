@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from bench.bus.timed import Delivered, Disturbance, Load, TimedBus
 from bench.errors import BusError
+from bench.mdlog.feed import Feed
 from bench.mdlog.logger import NODE, Schedule
 from bench.watch import Watch
 from targets.ecu import Ecu
@@ -34,67 +35,111 @@ class Ride:
     failure: str | None = None
 
 
+class Rig:
+    """Logger, bus and ECU on one clock, brought forward step by step.
+
+    source: what the logger sends. disturbance: breaks frames on the bus. watch sees every frame of the ECU.
+    progress is called with the time reached, ns, about once a second of the lap. frames: every frame that
+    went over the bus, in order. now_ns: the instant reached. An ECU that faults, stops answering, floods the
+    bus or asks for what no bus carries ends the ride early: `failure` says why, and the rig moves no more.
+    """
+
+    def __init__(
+        self,
+        source: Feed,
+        ecu: Ecu,
+        watch: Watch,
+        bitrate: int = 500_000,
+        progress: Callable[[int], None] | None = None,
+        disturbance: Disturbance | None = None,
+    ) -> None:
+        self._source, self._ecu, self._watch, self._progress = source, ecu, watch, progress
+        self.bitrate = bitrate
+        self._bus = TimedBus(bitrate, disturbance)
+        self._bus.attach(ecu)
+        self._handle, self._told_ns = 0, 0
+        self.frames: list[Delivered] = []
+        self.now_ns = 0
+        self.failure: str | None = None
+
+    @property
+    def end_ns(self) -> int:
+        """When the last answer should have been heard."""
+        return self._source.last_ns + DRAIN_NS
+
+    def ridden(self) -> Ride:
+        """What has happened so far."""
+        return Ride(self.frames, self._bus.load(self.now_ns), self.now_ns, self.failure)
+
+    def advance(self, until_ns: int) -> None:
+        """Go on to `until_ns`, or to where the ride fails; what is due at that instant has been sent."""
+        if self.failure:
+            return
+        try:
+            self._fail(self._advance(until_ns))
+        except (FirmwareFault, BusError) as fault:
+            self._fail(f"{fault.side}: {fault}")
+
+    def finish(self) -> None:
+        """Go on to the end, and ask for the answer to the last cycle."""
+        self.advance(self.end_ns)
+        if not self.failure:
+            self._fail(self._watch.unanswered(self.now_ns))
+
+    def _fail(self, failure: str | None) -> None:
+        if failure and failure.startswith(Watch.OVERRUN):
+            where = self._ecu.where()
+            failure += f"; {where}" if where else ""
+        self.failure = failure
+
+    def _advance(self, until_ns: int) -> str | None:
+        source, bus, ecu = self._source, self._bus, self._ecu
+        while True:
+            # The next instant at which anything outside the ECU happens; the ECU may ask for one before it.
+            upcoming_ns = source.next_ns
+            due_ns = until_ns if upcoming_ns is None or upcoming_ns > until_ns else upcoming_ns
+            decision_ns = bus.next_decision_ns()
+            now_ns = due_ns if decision_ns is None or decision_ns > due_ns else decision_ns
+            self.now_ns = now_ns
+            request = ecu.advance(now_ns)
+            if request is not None:
+                bus.submit(request.t_ns, ecu.name, request.handle, request.frame)
+                waiting = bus.waiting(ecu.name)
+                if waiting > MOST_WAITING:
+                    return f"ECU floods the bus: {waiting} frames wait at {now_ns / 1e9:.9g} s"
+                continue
+            if upcoming_ns == now_ns:
+                failure = self._watch.cycle(now_ns)
+                if failure:
+                    return failure
+                # until none: what is due at one instant competes by priority
+                while (frame := source.take(now_ns)) is not None:
+                    bus.submit(now_ns, NODE, self._handle, frame)
+                    self._handle += 1
+            delivered = bus.step(now_ns)
+            if delivered is not None:
+                self._hear(delivered)
+            elif now_ns >= until_ns:
+                return None
+
+    def _hear(self, delivered: Delivered) -> None:
+        self.frames.append(delivered)
+        if delivered.node != NODE:
+            self._watch.heard(delivered.frame, self.now_ns)
+        if self._progress is not None and self.now_ns - self._told_ns >= 1_000_000_000:
+            self._told_ns = self.now_ns
+            self._progress(self.now_ns)
+
+
 def ride(
-    schedule: Schedule,
+    frames: Schedule,
     ecu: Ecu,
     watch: Watch,
     bitrate: int = 500_000,
     progress: Callable[[int], None] | None = None,
     disturbance: Disturbance | None = None,
 ) -> Ride:
-    """Put the frames of `schedule` on a timed bus with `ecu` until both are done.
-
-    watch sees every frame. progress is called with the time reached, ns, about once a second of the lap.
-    disturbance: breaks frames on the bus.
-    An ECU that faults, stops answering, floods the bus or asks for what no bus carries ends the ride early,
-    with the reason in `Ride.failure`.
-    """
-    bus = TimedBus(bitrate, disturbance)
-    bus.attach(ecu)
-    frames: list[Delivered] = []
-    source = iter(schedule)
-    upcoming = next(source, None)
-    end_ns = (int(schedule.t_ns[-1]) if len(schedule) else 0) + DRAIN_NS
-    handle, now_ns, told_ns = 0, 0, 0
-    failure = None
-    try:
-        while True:
-            # The next instant at which anything outside the ECU happens; the ECU may ask for one before it.
-            due_ns = upcoming[0] if upcoming else end_ns
-            decision_ns = bus.next_decision_ns()
-            now_ns = due_ns if decision_ns is None or decision_ns > due_ns else decision_ns
-            request = ecu.advance(now_ns)
-            if request is not None:
-                bus.submit(request.t_ns, ecu.name, request.handle, request.frame)
-                waiting = bus.waiting(ecu.name)
-                if waiting > MOST_WAITING:
-                    failure = f"ECU floods the bus: {waiting} frames wait at {now_ns / 1e9:.9g} s"
-                    break
-                continue
-            if now_ns >= end_ns:
-                break
-            if upcoming and upcoming[0] == now_ns:
-                failure = watch.cycle(now_ns)
-                if failure:
-                    break
-            while upcoming and upcoming[0] == now_ns:
-                bus.submit(now_ns, NODE, handle, upcoming[1])
-                handle += 1
-                upcoming = next(source, None)
-            delivered = bus.step(now_ns)
-            if delivered is None:
-                continue
-            frames.append(delivered)
-            if delivered.node != NODE:
-                watch.heard(delivered.frame, now_ns)
-            if progress is not None and now_ns - told_ns >= 1_000_000_000:
-                told_ns = now_ns
-                progress(now_ns)
-    except (FirmwareFault, BusError) as fault:
-        failure = f"{fault.side}: {fault}"
-    else:
-        failure = failure or watch.unanswered(now_ns)
-    if failure and failure.startswith(Watch.OVERRUN):
-        where = ecu.where()
-        failure += f"; {where}" if where else ""
-    return Ride(frames, bus.load(now_ns), now_ns, failure)
+    """Put all of `frames` on a timed bus with `ecu` until both are done; see `Rig`."""
+    rig = Rig(Feed(frames), ecu, watch, bitrate, progress, disturbance)
+    rig.finish()
+    return rig.ridden()

@@ -9,11 +9,12 @@ from typing import Any
 
 from bench.codec import Codec
 from bench.errors import LapError
-from bench.faults.insertion import Insertion, insert
+from bench.faults.insertion import Insertion
 from bench.faults.spec import FaultSpec
 from bench.laps.lap import Lap
-from bench.mdlog.logger import Schedule, schedule
-from bench.rig import Ride, ride
+from bench.part import Part
+from bench.rig import Ride, Rig
+from bench.script import Script
 from bench.sensors.codes import Codes, acquire
 from bench.sensors.parts import IDEAL, Sensors
 from bench.verdict import TD_MAX_NS, Verdict, judge
@@ -21,6 +22,7 @@ from bench.watch import Watch
 from targets.ecu import Ecu
 
 BITRATE = 500_000
+WHOLE = Part()
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class Run:
     ride: Ride
     insertions: Sequence[Insertion]
     codes: Codes
+    bitrate: int = BITRATE
 
 
 def prepare(
@@ -42,24 +45,26 @@ def prepare(
     codec: Codec,
     sensors: Sensors = IDEAL,
     seed: int = 0,
-) -> tuple[Codes, list[Insertion], Schedule]:
+    rate_hz: int | None = None,
+    part: Part = WHOLE,
+) -> Script:
     """What the logger will send of `lap` under `faults`, for an ECU named `who` that needs channels `needs`.
 
-    sensors: the instruments between lap and logger; `seed` draws their imperfections.
+    sensors: the instruments between lap and logger; `seed` draws their imperfections. rate_hz: of every
+    message, None for the DBC's own. part: of the lap; times of faults count from its beginning.
 
     Raises LapError naming the channels that are missing, FaultError for a fault the lap cannot have.
     """
     lap.require(needs, who)
-    codes, insertions = insert(acquire(lap, sensors, seed), faults)
-    frames = schedule(codes, codec)
-    for name, missing in frames.unsent.items():
+    script = Script(part.of(acquire(lap, sensors, seed)), codec, faults, rate_hz)
+    for name, missing in script.now.frames.unsent.items():
         carried = [channel for channel in needs if channel in codec.message(name).signals]
         if carried:
             raise LapError(
                 f"{lap.source or 'lap'}: missing {', '.join(missing)}: message {name} is not sent, "
                 f"and {who} needs its {', '.join(carried)}"
             )
-    return codes, insertions, frames
+    return script
 
 
 def run_lap(
@@ -71,18 +76,29 @@ def run_lap(
     progress: Callable[[int], None] | None = None,
     sensors: Sensors = IDEAL,
     seed: int = 0,
+    rate_hz: int | None = None,
+    bitrate: int = BITRATE,
 ) -> Run:
-    """Ride `lap` with `ecu` on a timed bus of 500 kbit/s while `faults` act, and judge what it said.
+    """Ride `lap` with `ecu` on a timed bus while `faults` act, and judge what it said.
 
-    sensors: the instruments that read the lap; `seed` draws their imperfections.
+    sensors: the instruments that read the lap; `seed` draws their imperfections. rate_hz: of every message,
+    None for the DBC's own. bitrate: of the bus, bit/s.
 
     Raises LapError if the lap lacks one of the channels `needs`, FaultError for a fault it cannot have.
     """
     codec = Codec()
-    codes, insertions, frames = prepare(lap, faults, needs, f"ecu {ecu.name}", codec, sensors, seed)
+    script = prepare(lap, faults, needs, f"ecu {ecu.name}", codec, sensors, seed, rate_hz)
     watch = Watch(codec, ecu.name)
-    done = ride(frames, ecu, watch, BITRATE, progress)
-    return Run(judge(watch, insertions, done.failure, td_max_ns), watch, done, insertions, codes)
+    rig = Rig(script, ecu, watch, bitrate, progress)
+    rig.finish()
+    return finished(rig, script, watch, td_max_ns)
+
+
+def finished(rig: Rig, script: Script, watch: Watch, td_max_ns: int = TD_MAX_NS) -> Run:
+    """The run that `rig` has ridden of `script`, judged by what `watch` saw."""
+    done, plan = rig.ridden(), script.now
+    verdict = judge(watch, plan.insertions, done.failure, td_max_ns)
+    return Run(verdict, watch, done, plan.insertions, plan.codes, rig.bitrate)
 
 
 def document(run: Run) -> dict[str, Any]:
@@ -115,7 +131,7 @@ def document(run: Run) -> dict[str, Any]:
         if cycles
         else None,
         "bus": {
-            "bitrate": BITRATE,
+            "bitrate": run.bitrate,
             "load": load.load,
             "frames": len(run.ride.frames),
             "bits": load.bits,

@@ -7,11 +7,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from bench import live
 from bench.bus.live import Heard
 from bench.bus.timed import EXTENDED, TimedBus
 from bench.errors import BusError
+from bench.live import Bus
 from bench.rig import MOST_WAITING
+from bench.serve import serve
 from targets.ecu import Ecu, Frame, Transmission
 
 LOOK_NS = 20_000_000
@@ -85,12 +86,15 @@ def run(
 class _Counted:
     """A live bus that keeps the tally of what is sent over it."""
 
-    def __init__(self, bus: live.Bus, tally: Tally, clock: Callable[[], int]) -> None:
+    def __init__(self, bus: Bus, tally: Tally, clock: Callable[[], int]) -> None:
         self._bus, self._tally, self._clock, self._begun_ns = bus, tally, clock, clock()
+        self.echoes = bus.echoes
 
-    def send(self, frame: Frame) -> None:
-        self._bus.send(frame)
-        self._tally.add(self._clock() - self._begun_ns, frame)
+    def send(self, frame: Frame, timeout_s: float = 0.0) -> bool:
+        taken = self._bus.send(frame, timeout_s)
+        if taken:
+            self._tally.add(self._clock() - self._begun_ns, frame)
+        return taken
 
     def receive(self, timeout_s: float) -> Heard | None:
         return self._bus.receive(timeout_s)
@@ -117,11 +121,11 @@ class Watched:
 
 def run_live(
     ecu: Ecu,
-    bus: live.Bus,
+    bus: Bus,
     tally: Tally,
     seconds: float | None = None,
     ready: Callable[[], None] | None = None,
     clock: Callable[[], int] = time.monotonic_ns,
 ) -> None:
     """Let `ecu` live on `bus` in wall time, until interrupted or for `seconds`; instants count from here."""
-    live.serve(ecu, _Counted(bus, tally, clock), clock, seconds, ready)
+    serve(ecu, _Counted(bus, tally, clock), clock, seconds, ready)

@@ -101,7 +101,7 @@ class Steps:
 
 def frames_of(lap: Lap, one: Build, sensors: Sensors, steps: int) -> Schedule:
     """What the logger sends of the first `steps` cycles of `lap`; LapError if it has fewer."""
-    _, _, frames = prepare(lap, (), one.needs(), f"ecu {one.role}", Codec(), sensors)
+    frames = prepare(lap, (), one.needs(), f"ecu {one.role}", Codec(), sensors).now.frames
     if len(frames) == 0 or frames.cycle[-1] + 1 < steps:
         raise LapError(f"{lap.source or 'lap'}: shorter than the {steps} steps to be timed")
     return _first(frames, steps)

@@ -81,7 +81,7 @@ def validate(build: Build, lap: Lap, sensors: Sensors) -> Deviation:
     Raises FirmwareError if the firmware did not answer every cycle, or is not ours.
     """
     codec = Codec()
-    codes, _, frames = prepare(lap, (), build.needs(), f"ecu {build.role}", codec, sensors)
+    sent = prepare(lap, (), build.needs(), f"ecu {build.role}", codec, sensors).now
     ecu: Any = build.power_on()
     if not hasattr(ecu, "mcu"):
         raise FirmwareError("validation reads the memory of the emulated MCU: --on mcu")
@@ -91,9 +91,9 @@ def validate(build: Build, lap: Lap, sensors: Sensors) -> Deviation:
     )
     watch = Watch(codec, build.role)
     as_ecu: Ecu = listening
-    done = ride(frames, as_ecu, watch)
+    done = ride(sent.frames, as_ecu, watch)
     narx = build.calibration.network
-    seen = sampled(codes)
+    seen = sampled(sent.codes)
     u = np.stack([seen[name] for name in narx.inputs], axis=1)
     if done.failure or len(listening.predicted) != len(u):
         reason = done.failure or f"{len(listening.predicted)} answers to {len(u)} cycles"

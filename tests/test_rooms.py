@@ -9,8 +9,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ROOMS = ("dbc", "targets", "bench", "campaigns", "bench.cli")
 """From the ground floor up: each imports from those before it."""
-OF_TARGETS = ("targets.ecu", "targets.errors", "targets.jit")
-"""What the bench may know of an ECU."""
+OF_TARGETS = ("targets.ecu", "targets.errors", "targets.frame_bits", "targets.jit")
+"""What the bench may know of an ECU, and the CAN frame both ends are made of."""
 LONGEST = 400
 """Lines of a file; more want two."""
 

@@ -3,6 +3,7 @@
 Belongs here: python-can messages to frames and back. Never: pacing (clocks), what a frame means.
 """
 
+import errno
 import logging
 import socket
 import time
@@ -35,6 +36,7 @@ class Heard(NamedTuple):
 class LiveBus:
     """The bus named IFACE[:CHANNEL], e.g. `socketcan:vcan0` or `udp_multicast:239.74.163.2`.
 
+    echoes: whether it hears its own frames, which most interfaces keep to themselves.
     Raises BusError, naming the interface, if it cannot be opened.
     """
 
@@ -53,15 +55,22 @@ class LiveBus:
             self._bus = can.Bus(interface=interface, channel=channel or None, bitrate=bitrate)
         except Exception as error:  # drivers of absent hardware raise whatever they meet
             raise BusError(f"{name}: cannot be opened: {_reason(error)}") from None
+        self.echoes = interface == "udp_multicast"
         _enlarge_buffer(getattr(self._bus, "socket", None))
 
-    def send(self, frame: Frame) -> None:
-        """Put `frame` on the bus; BusError if the interface refuses it."""
+    def send(self, frame: Frame, timeout_s: float = 0.0) -> bool:
+        """Put `frame` on the bus; False if it found no room in the interface's queue within `timeout_s`.
+
+        Raises BusError if the interface refuses it for another reason.
+        """
         message = self._can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended)
         try:
-            self._bus.send(message, timeout=1.0)
+            self._bus.send(message, timeout=timeout_s)
         except (self._can.CanError, OSError) as error:
+            if isinstance(error, self._can.CanTimeoutError) or _is_full(error):
+                return False
             raise BusError(f"{self.name}: cannot send {frame.id:#x}: {_reason(error)}") from None
+        return True
 
     def receive(self, timeout_s: float) -> Heard | None:
         """The next data frame, None if none came within `timeout_s`; error, remote and FD frames pass by.
@@ -88,6 +97,13 @@ class LiveBus:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bus.shutdown()
+
+
+def _is_full(error: BaseException) -> bool:
+    """Whether a frame was refused only because a queue is full: the driver's (ENOBUFS) or the socket's."""
+    number = getattr(error, "error_code", None) or getattr(error, "errno", None)
+    # A socket that stays full raises without a number.
+    return number in (errno.ENOBUFS, errno.EAGAIN) or "buffer full" in str(error)
 
 
 def _age_ns(stamp_s: float) -> int:

@@ -93,7 +93,7 @@ def _lap_frames(build: Build, lap: Path | None, faults: list[str]) -> Schedule:
 
     specs = [parse_fault(text) for text in faults]
     ridden = open_lap(lap, None, False) if lap else ride(load_route("test_lap"), load_motorcycle(), 0)
-    return prepare(ridden, specs, (), build.role, Codec(), load_sensors("datasheet"))[2]
+    return prepare(ridden, specs, (), build.role, Codec(), load_sensors("datasheet")).now.frames
 
 
 def _command(elf: Path | None, source: str) -> str:

@@ -4,7 +4,21 @@ import sys
 
 import typer
 
-from bench.cli import calibrate, campaign, demo, doctor, ecu, firmware, lap, mcu, plant, replay, run, train
+from bench.cli import (
+    calibrate,
+    campaign,
+    demo,
+    doctor,
+    ecu,
+    fault,
+    firmware,
+    lap,
+    mcu,
+    plant,
+    replay,
+    run,
+    train,
+)
 from bench.errors import BenchError
 from targets.errors import TargetError
 
@@ -25,6 +39,7 @@ app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(firmware.app, name="firmware")
 app.add_typer(mcu.app, name="mcu")
 app.command()(replay.replay)
+app.add_typer(fault.app, name="fault")
 app.command()(ecu.ecu)
 app.command()(doctor.doctor)
 

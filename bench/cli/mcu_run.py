@@ -103,7 +103,7 @@ class _Run:
 
     def _live(self, name: str) -> None:
         from bench.bus.live import LiveBus
-        from bench.live import rehearse
+        from bench.serve import rehearse
         from bench.solo import Watched, run_live
         from targets.errors import FirmwareFault
 

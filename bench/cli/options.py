@@ -50,6 +50,13 @@ BusName = Annotated[
     typer.Option("--bus", metavar="IFACE[:CHANNEL]", help="A python-can interface, e.g. socketcan:vcan0."),
 ]
 
+Bitrate = Annotated[int, typer.Option(min=10_000, max=1_000_000, help="Of the bus, bit/s.")]
+
+Rate = Annotated[
+    int | None,
+    typer.Option(metavar="HZ", min=1, max=1000, help="Of every message.  [default: the DBC's, 100 Hz]"),
+]
+
 
 def json_of(what: str) -> Any:
     """The option of a file for `what`; see `write_json`."""

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bench.cli.options import (
+    Bitrate,
     BusName,
     Faults,
     Map,
+    Rate,
     Repair,
     SensorSeed,
     SensorsName,
@@ -19,10 +21,8 @@ from bench.cli.options import (
 from bench.cli.stop import stoppable
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from bench.faults.insertion import Insertion
     from bench.live import Replay
+    from bench.script import Script
     from bench.watch import Watch
 
 
@@ -32,6 +32,16 @@ def replay(
     fault: Faults = None,
     ecu: Annotated[
         str | None, typer.Option("--ecu", help="Judge the answers of this ECU: ifd or soft_sensor.")
+    ] = None,
+    bitrate: Bitrate = 500_000,
+    rate: Rate = None,
+    speed: Annotated[float, typer.Option(min=0.01, max=100, help="Bench time over the wall's.")] = 1.0,
+    loop: Annotated[int, typer.Option(min=1, help="How often the lap is ridden, end to end.")] = 1,
+    from_s: Annotated[
+        float, typer.Option("--from", metavar="S", min=0, help="Begin there; other times count from it.")
+    ] = 0.0,
+    to_s: Annotated[
+        float | None, typer.Option("--to", metavar="S", min=0, help="End there.  [default: the lap's end]")
     ] = None,
     sensors: SensorsName = "datasheet",
     seed: SensorSeed = 0,
@@ -44,15 +54,17 @@ def replay(
 ) -> None:
     """Replay a lap onto a live CAN bus at its own pace; with --ecu also listen and judge.
 
-    Exit code 0: replayed in time (with --ecu: and passed). 1: any other verdict. 2: bad input, or a bus that
-    went away. 130: stopped before the end, nothing written.
+    While it runs, `bench fault` arms, fires and clears faults. Exit code 0: replayed in time (with --ecu: and
+    passed). 1: any other verdict. 2: bad input. 130: stopped before the end: recorded so far, no verdict.
     """
     from bench.bus.live import LiveBus
+    from bench.cli.attendants import attending
     from bench.cli.progress import lap_progress
     from bench.codec import Codec
     from bench.faults.spec import parse_fault
-    from bench.live import replay as play
+    from bench.live import LiveRig
     from bench.mdlog.events import noted
+    from bench.part import Part
     from bench.recorder import check_target, record
     from bench.run import prepare
     from bench.sensors.datasheets import load_sensors
@@ -67,54 +79,84 @@ def replay(
     specs = [parse_fault(text) for text in fault or []]
     instruments = load_sensors(sensors)
     ridden = open_lap(lap, map_file, repair)
-    _, insertions, frames = prepare(ridden, specs, (), "replay", codec, instruments, seed)
+    part = Part(round(from_s * 1e9), None if to_s is None else round(to_s * 1e9), loop)
+    script = prepare(ridden, specs, (), "replay", codec, instruments, seed, rate, part)
     watch = Watch(codec, ecu) if ecu else None
-    try:
-        with LiveBus(bus) as live, stoppable(), lap_progress(ridden.duration_ns) as tell:
-            done = play(frames, live, watch, tell)
-    except KeyboardInterrupt:
-        typer.echo("bench: replay: stopped before the lap's end; no verdict, nothing written", err=True)
-        raise typer.Exit(130) from None
-    for name, channels in frames.unsent.items():
+    stopped = False
+    with (
+        LiveBus(bus, bitrate) as live,
+        stoppable(),
+        lap_progress(script.last_ns) as tell,
+        attending(bus, script) as attendants,
+    ):
+        rig = LiveRig(script, live, watch, tell, attend=attendants, speed=speed)
+        try:
+            rig.finish()
+        except KeyboardInterrupt:
+            stopped = True
+    done = rig.replayed()
+    for name, channels in script.now.frames.unsent.items():
         typer.echo(f"not sent: {name}, the lap lacks {', '.join(channels)}")
-    result, passed = _judged(done, watch, insertions)
     if record_out:
-        record(record_out, noted(done.frames, insertions, codec))
+        record(record_out, noted(done.frames, script.now.insertions, codec))
+    if stopped:
+        typer.echo(
+            f"bench: replay: stopped at {rig.now_ns / 1e9:.3f} s, before the lap's end; no verdict", err=True
+        )
+        raise typer.Exit(130)
+    result, passed = _judged(done, watch, script, bitrate)
     write_json(json_out, result)
     if not passed:
         raise typer.Exit(1)
 
 
 def _judged(
-    done: "Replay", watch: "Watch | None", insertions: "Sequence[Insertion]"
+    done: "Replay", watch: "Watch | None", script: "Script", bitrate: int
 ) -> tuple[dict[str, Any], bool]:
     """The result for JSON and whether it passed; says both on the screen."""
+    import numpy as np
     from rich.console import Console
     from rich.markup import escape
 
+    from bench.bus.bits import frame_bits
     from bench.verdict import judge
 
+    def say(text: str) -> None:
+        console.print(text, highlight=False, soft_wrap=True)
+
     console = Console()
+    late = done.late_ns if len(done.late_ns) else np.zeros(1, np.int64)
+    lasted_ns = done.frames[-1][0] - done.frames[0][0] if done.frames else 0
+    bits = sum(frame_bits(*frame) for _, frame, _ in done.frames)
     result: dict[str, Any] = {
         "frames_sent": sum(node == "MDLOG" for _, _, node in done.frames),
         "frames_heard": sum(node != "MDLOG" for _, _, node in done.frames),
-        "late_ms": {"worst": done.worst_late_ns / 1e6, "mean": done.mean_late_ns / 1e6},
+        "frames_unsent": done.unsent,
+        "queue_full": done.refused,
+        "late_ms": {
+            "p50": float(np.percentile(late, 50)) / 1e6,
+            "p99": float(np.percentile(late, 99)) / 1e6,
+            "worst": done.worst_late_ns / 1e6,
+            "mean": done.mean_late_ns / 1e6,
+        },
+        "bus": {"bitrate": bitrate, "load": bits / bitrate / (lasted_ns / 1e9) if lasted_ns else 0.0},
+        "faults": [str(spec) for spec in script.now.specs],
     }
-    console.print(
-        f"{result['frames_sent']} frames sent, {result['frames_heard']} heard; late by "
-        f"{done.worst_late_ns / 1e6:.2f} ms at worst, {done.mean_late_ns / 1e6:.2f} ms on average",
-        highlight=False,
-        soft_wrap=True,
+    ms = result["late_ms"]
+    say(
+        f"{result['frames_sent']} frames sent, {result['frames_heard']} heard, {done.unsent} unsent "
+        f"(queue full {done.refused} times); bus {100 * result['bus']['load']:.1f} % of {bitrate // 1000} "
+        "kbit/s"
     )
+    say(f"late by {ms['p50']:.3f} ms (p50), {ms['p99']:.3f} ms (p99), {ms['worst']:.3f} ms at worst")
     if watch is None:
         if done.failure:
-            console.print(done.failure, highlight=False, markup=False, soft_wrap=True)
+            say(f"[bold]INVALID[/]  {escape(done.failure)}")
         return result, done.failure is None
-    verdict = judge(watch, insertions, done.failure)
+    verdict = judge(watch, script.now.insertions, done.failure)
     result |= {"outcome": str(verdict.outcome), "reason": verdict.reason, "answers": watch.answered}
     for name in ("t_active", "t_alarm", "td"):
         value = getattr(verdict, f"{name}_ns")
         result[f"{name}_s"] = None if value is None else value / 1e9
-    reason = escape(verdict.reason)
-    console.print(f"[bold]{verdict.outcome}[/]  {reason}", highlight=False, soft_wrap=True)
+    say(f"[bold]{verdict.outcome}[/]  {escape(verdict.reason)}")
     return result, verdict.outcome.passed

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bench.cli.options import (
+    Bitrate,
     EcuName,
     Elf,
     Faults,
     Host,
     Map,
     Model,
+    Rate,
     Repair,
     SensorSeed,
     SensorsName,
@@ -37,6 +39,8 @@ def run(
     seed: SensorSeed = 0,
     map_file: Map = None,
     repair: Repair = False,
+    rate: Rate = None,
+    bitrate: Bitrate = 500_000,
     json_out: Annotated[Path | None, json_of("the result")] = None,
     record_out: Annotated[
         Path | None,
@@ -66,7 +70,17 @@ def run(
 
     with _progress(ride_of.duration_ns) as tell:
         device = build.power_on()
-        done = run_lap(ride_of, device, specs, build.needs(), progress=tell, sensors=instruments, seed=seed)
+        done = run_lap(
+            ride_of,
+            device,
+            specs,
+            build.needs(),
+            progress=tell,
+            sensors=instruments,
+            seed=seed,
+            rate_hz=rate,
+            bitrate=bitrate,
+        )
 
     result = document(done)
     result["unmodelled_accesses"] = _unmodelled(device)

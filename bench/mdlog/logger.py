@@ -26,6 +26,7 @@ NODE = "MDLOG"
 
 _MS = 1_000_000
 _SECOND_NS = 1_000_000_000
+_AT_ONCE = 512  # rows turned into frames at a time
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,8 @@ class Schedule:
     """The frames of one lap, in the order (t_ns, identifier); t_ns is when the logger asks to send one.
 
     t_ns: int64 (frames,). ids: uint32 (frames,). extended: bool (frames,). lengths: uint8 (frames,).
-    payload: uint8 (frames, 8), zero beyond a frame's length. cycle: int64 (frames,), the logger's cycle.
+    payload: uint8 (frames, 8), zero beyond a frame's length. cycle: int64 (frames,), the logger's cycle, of
+    cycle_ns each.
     unsent: message name -> the channels for want of which it is not sent.
     """
 
@@ -43,6 +45,7 @@ class Schedule:
     lengths: NDArray[np.uint8]
     payload: NDArray[np.uint8]
     cycle: NDArray[np.int64]
+    cycle_ns: int
     unsent: Mapping[str, tuple[str, ...]]
 
     def __len__(self) -> int:
@@ -50,31 +53,42 @@ class Schedule:
 
     def __iter__(self) -> Iterator[tuple[int, Frame]]:
         """Every (t_ns, frame), in order."""
-        data = self.payload.tobytes()
-        rows = zip(
-            self.t_ns.tolist(), self.ids.tolist(), self.lengths.tolist(), self.extended.tolist(), strict=True
-        )
-        for row, (t_ns, identifier, length, extended) in enumerate(rows):
-            yield t_ns, Frame(identifier, data[8 * row : 8 * row + length], extended)
+        return self.rows()
+
+    def rows(self, begin: int = 0) -> Iterator[tuple[int, Frame]]:
+        """The (t_ns, frame) from row `begin` on, in order; the first comes at once however many follow."""
+        for at in range(begin, len(self), _AT_ONCE):
+            part = slice(at, at + _AT_ONCE)
+            data = self.payload[part].tobytes()
+            columns = (column[part].tolist() for column in (self.t_ns, self.ids, self.lengths, self.extended))
+            for row, (t_ns, identifier, length, extended) in enumerate(zip(*columns, strict=True)):
+                yield t_ns, Frame(identifier, data[8 * row : 8 * row + length], extended)
 
 
-def schedule(codes: Codes, codec: Codec) -> Schedule:
+def schedule(codes: Codes, codec: Codec, rate_hz: int | None = None) -> Schedule:
     """The frames of every cyclic message of node MDLOG whose channels `codes` all has.
 
     A message of period P is handed to the bus at 0, P, 2P ... to the last sample, so that messages due at one
     instant compete by priority; each signal is its sensor's latest code at or before it. `alive` counts the
     logger's cycles, as long as the periods' greatest common divisor, modulo what its bits hold.
+
+    rate_hz: of every message, in place of the DBC's. Raises LapError for one whose period is not a whole
+    number of nanoseconds.
     """
     messages = [m for m in codec.messages() if NODE in m.senders and m.cycle_ms > 0]
     missing = {m.name: _missing(m, codes) for m in messages}
-    sent = [m for m in messages if not missing[m.name]]
-    cycle_ns = _MS * gcd(*(m.cycle_ms for m in messages))
-    parts = [_frames(message, codes, codec, cycle_ns) for message in sent]
+    given_ns = None if rate_hz is None else _period_ns(rate_hz)
+    cycle_ns = given_ns or _MS * gcd(*(m.cycle_ms for m in messages))
+    parts = [
+        _frames(message, codes, codec, given_ns or message.cycle_ms * _MS, cycle_ns)
+        for message in messages
+        if not missing[message.name]
+    ]
     columns = [np.concatenate(column) for column in zip(*parts, strict=True)] if parts else _nothing()
     order = np.lexsort((columns[1], columns[0]))
     t_ns, ids, extended, lengths, payload, cycle = (column[order] for column in columns)
     unsent = {name: channels for name, channels in missing.items() if channels}
-    return Schedule(t_ns, ids, extended, lengths, payload, cycle, unsent)
+    return Schedule(t_ns, ids, extended, lengths, payload, cycle, cycle_ns, unsent)
 
 
 def sampled_codes(codes: Codes, rate_hz: int) -> dict[str, NDArray[np.int32]]:
@@ -82,9 +96,7 @@ def sampled_codes(codes: Codes, rate_hz: int) -> dict[str, NDArray[np.int32]]:
 
     Raises LapError for a rate whose period is not a whole number of nanoseconds.
     """
-    if rate_hz <= 0 or _SECOND_NS % rate_hz:
-        raise LapError(f"rate {rate_hz} Hz has no period of whole nanoseconds")
-    latest = _latest(codes, _SECOND_NS // rate_hz)[1]
+    latest = _latest(codes, _period_ns(rate_hz))[1]
     return {sensor: array[latest] for sensor, array in codes.codes.items()}
 
 
@@ -97,6 +109,12 @@ def sampled(codes: Codes, rate_hz: int = 100) -> dict[str, NDArray[np.float64]]:
         TRANSDUCERS[sensor].channel: TRANSDUCERS[sensor].to_physical(array)
         for sensor, array in sampled_codes(codes, rate_hz).items()
     }
+
+
+def _period_ns(rate_hz: int) -> int:
+    if rate_hz <= 0 or _SECOND_NS % rate_hz:
+        raise LapError(f"rate {rate_hz} Hz has no period of whole nanoseconds")
+    return _SECOND_NS // rate_hz
 
 
 def _latest(codes: Codes, period_ns: int) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
@@ -114,9 +132,11 @@ def _missing(message: Message, codes: Codes) -> tuple[str, ...]:
     )
 
 
-def _frames(message: Message, codes: Codes, codec: Codec, cycle_ns: int) -> tuple[NDArray, ...]:
+def _frames(
+    message: Message, codes: Codes, codec: Codec, period_ns: int, cycle_ns: int
+) -> tuple[NDArray, ...]:
     """The columns of a Schedule for one message."""
-    t_ns, latest = _latest(codes, message.cycle_ms * _MS)
+    t_ns, latest = _latest(codes, period_ns)
     cycle = t_ns // cycle_ns
     raw = {
         name: cycle % (signal.raw_max + 1)

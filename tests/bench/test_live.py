@@ -10,10 +10,12 @@ import pytest
 from bench.bus.live import Heard, LiveBus
 from bench.codec import Codec
 from bench.errors import BusError
-from bench.live import AHEAD_NS, IDLE_S, LOOK_NS, rehearse, replay, serve
+from bench.live import LiveRig
+from bench.mdlog.feed import Feed
 from bench.mdlog.logger import NODE, schedule
 from bench.run import run_lap
 from bench.sensors.codes import acquire
+from bench.serve import AHEAD_NS, IDLE_S, LOOK_NS, rehearse, serve
 from bench.watch import Watch
 from targets.ecu import Frame, Transmission
 from targets.emulated import EmulatedEcu
@@ -50,6 +52,8 @@ class Desk:
     stalls: instant of a cycle -> how long the process does not run after the cycle's last frame has left.
     """
 
+    echoes = False
+
     def __init__(self, arrivals=(), pauses=None, cost_ns=0, answers=True, stamps=True, stalls=None):
         self.stalls = dict(stalls or {})
         self.now, self.arrivals, self.pauses = 0, deque(arrivals), dict(pauses or {})
@@ -65,12 +69,13 @@ class Desk:
             t_ns = max(t_ns, at + self.pauses.pop(at))
         self.now = max(self.now, t_ns)
 
-    def send(self, frame):
+    def send(self, frame, timeout_s=0.0):
         self.out.append((self.now, frame))
         if self.answers and frame.id == 0x101:
             self.arrivals.append((self.now + MS, status(frame.data[4])))
         if frame.id == 0x102:
             self.now += self.stalls.pop(self.now, 0)
+        return True
 
     def receive(self, timeout_s):
         self.waits.append(timeout_s)
@@ -87,6 +92,13 @@ class Desk:
 def replayed(frames, desk, watch=True, **more):
     seen = Watch(CODEC) if watch else None
     return replay(frames, desk, seen, clock=desk.clock, **more), seen
+
+
+def replay(frames, bus, watch, **more):
+    """The whole of a live replay."""
+    rig = LiveRig(Feed(frames), bus, watch, **more)
+    rig.finish()
+    return rig.replayed()
 
 
 # --- the logger's end ---------------------------------------------------------------------------------------
@@ -122,7 +134,7 @@ def test_last_answer_is_waited_for(frames):
     done, watch = replayed(frames, Desk())
     assert watch.unanswered(0) is None
     silent = Desk()
-    silent.send = lambda frame: Desk.send(silent, frame) if silent.now < 190 * MS else None
+    silent.send = lambda frame: silent.now >= 190 * MS or Desk.send(silent, frame)
     done, _ = replayed(frames, silent)
     assert done.failure.startswith("ECU overrun: no answer to cycle 19")
 
@@ -155,6 +167,7 @@ def test_answer_that_came_late_is_not(frames):
         if frame.id == 0x101:
             slow = frame.data[4] in late
             desk.arrivals.append((desk.now + (10 * MS + 1 if slow else MS), status(frame.data[4])))
+        return True
 
     desk.send = send
     done, _ = replayed(frames, desk)

@@ -10,7 +10,7 @@ import pytest
 from bench.bus.live import LiveBus
 from bench.errors import BusError
 from bench.laps.files import write_lap
-from bench.live import rehearse, serve
+from bench.serve import rehearse, serve
 from targets.ecus import build
 from targets.host import library
 from tests.conftest import wavy_lap

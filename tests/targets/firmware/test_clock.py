@@ -71,12 +71,12 @@ def test_images_hold_the_setting_for_22_mhz(path):
 @pytest.mark.parametrize("mhz", [4, 22, 84, 168])
 def test_firmware_runs_at_the_clock(mhz):
     """The unmodified program boots at the clock written over its setting, on a bus of 500 kbit/s."""
-    from targets.mcu import bxcan
+    from targets.mcu.bxcan import timing
 
     ecu = build(clock_hz=mhz * 1_000_000).power_on()
     assert ecu.advance(0) is None
     assert ecu.mcu.hz == mhz * 1_000_000
-    assert bxcan.bitrate(ecu.mcu.state) == 500_000
+    assert timing.bitrate(ecu.mcu.state, 0) == 500_000
     assert ecu.mcu.unmodelled() == {}
 
 

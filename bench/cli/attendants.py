@@ -1,0 +1,20 @@
+"""Those who attend a live replay: the fault panel and the sockets by which it is worked."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+from bench.cli.control_socket import ControlSocket, address
+from bench.control import LONGEST, answer
+from bench.panel import Panel
+from bench.script import Script
+
+
+@contextmanager
+def attending(bus: str, script: Script) -> Iterator[list[Callable[[int], None]]]:
+    """What a replay of `script` on `bus` is to call with the bench time, once a cycle."""
+    # One thread: changed laps are planned beside the replay, one after the other.
+    with ThreadPoolExecutor(1, "planner") as executor:
+        panel = Panel(script, executor)
+        with ControlSocket(address(bus), lambda line, t_ns: answer(line, panel, t_ns), LONGEST) as control:
+            yield [control.turn, panel.settle]
