@@ -24,11 +24,8 @@ def answer(line: bytes, panel: Panel, t_ns: int) -> bytes:
     """
     try:
         number = _do(_request(line), panel, t_ns)
-        reply = {
-            "t_s": t_ns / 1e9,
-            "number": number,
-            "faults": [_row(entry) for entry in panel.entries(t_ns)],
-        }
+        rows = [_row(entry) for entry in panel.entries(t_ns)]
+        reply: dict[str, Any] = {"t_s": t_ns / 1e9, "number": number, "faults": rows}
     except BenchError as error:
         reply = {"error": f"{error.side}: {error}"}
     return json.dumps(reply).encode()

@@ -56,7 +56,7 @@ class Replay:
     """What a live replay did: frames in the order sent and heard, and how late each one left, wall ns.
 
     late_ns: int64 (frames sent,). refused: how often the interface's queue was full. unsent: frames given up
-    for that. failure: why the run proves nothing, None if it may.
+    for that. failure: why the run proves nothing, None if it may. lost: the bus went away.
     """
 
     frames: list[Row]
@@ -64,6 +64,7 @@ class Replay:
     refused: int
     unsent: int
     failure: str | None
+    lost: BusError | None = None
 
     @property
     def worst_late_ns(self) -> int:
@@ -107,6 +108,7 @@ class LiveRig:
         self._logged = {m.id: m.name for m in codec.messages() if NODE in m.senders}
         self.frames: list[Row] = []
         self.failure: str | None = None
+        self._lost: BusError | None = None
 
     @property
     def now_ns(self) -> int:
@@ -132,7 +134,7 @@ class LiveRig:
                         self._cycle(due_ns)
                 self._listen(until_ns)
         except BusError as error:
-            self.failure = self.failure or f"{error.side}: {error}"
+            self.failure, self._lost = self.failure or f"{error.side}: {error}", error
 
     def finish(self) -> None:
         """Go on to the end of the lap, and wait for the answer to its last cycle."""
@@ -152,7 +154,7 @@ class LiveRig:
         if self._unsent:
             failure = f"{self._unsent} frames were not sent: the interface's queue stayed full"
         frames = sorted(self.frames, key=lambda row: row[0])
-        return Replay(frames, late, self._refused, self._unsent, failure)
+        return Replay(frames, late, self._refused, self._unsent, failure, self._lost)
 
     def _cycle(self, due_ns: int) -> None:
         # Nothing stands between the instant and the frames: judging and drawing wait until they are out.

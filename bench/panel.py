@@ -109,7 +109,11 @@ class Panel:
         if self._planning and self._planning[0].done():
             future, since_ns, changed = self._planning
             self._planning = None
-            if self._script.follow(future.result(), since_ns):
+            if isinstance(future.exception(), FaultError):
+                # The lap ended while it was planned: the request comes to nothing.
+                for number in changed:
+                    self._faults[number].asked = None
+            elif self._script.follow(future.result(), since_ns):
                 for number, (place, spec) in changed.items():
                     self._faults[number] = _Fault(spec, place)
             # else planned too late: what is still asked for is planned again, for a later instant
@@ -133,7 +137,7 @@ class Panel:
         fault.asked = what
         self.settle(t_ns)
         if isinstance(self._executor, _InPlace):
-            self.settle(t_ns)
+            self.settle(t_ns)  # what has been begun is done
 
     def _from(self, t_ns: int) -> int:
         return max(t_ns + self._lead_ns, self._script.taken_ns + 1)
@@ -170,5 +174,8 @@ class _InPlace(Executor):
 
     def submit(self, work: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
         future: Future[Any] = Future()
-        future.set_result(work(*args, **kwargs))
+        try:
+            future.set_result(work(*args, **kwargs))
+        except FaultError as error:
+            future.set_exception(error)
         return future

@@ -1,7 +1,9 @@
 """What many tests share: a small network, its calibration, laps, and the ECUs on both hosts."""
 
+import os
 import shutil
 import signal
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,19 @@ SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 INPUTS = ("fork_stroke_mm", "pitch_rate_dps", "speed_kmh")
 SPANS = ((0.0, 150.0), (-80.0, 80.0), (0.0, 200.0))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_sockets():
+    """Sockets of replays and hubs lie in a folder of this run; its name is short, a socket's must be."""
+    folder = tempfile.mkdtemp(prefix="sb")
+    before = os.environ.get("XDG_RUNTIME_DIR")
+    os.environ["XDG_RUNTIME_DIR"] = folder
+    yield
+    os.environ.pop("XDG_RUNTIME_DIR")
+    if before:
+        os.environ["XDG_RUNTIME_DIR"] = before
+    shutil.rmtree(folder)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,5 +1,6 @@
 """Those who attend a live replay: the fault panel and the sockets by which it is worked."""
 
+import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -16,5 +17,7 @@ def attending(bus: str, script: Script) -> Iterator[list[Callable[[int], None]]]
     # One thread: changed laps are planned beside the replay, one after the other.
     with ThreadPoolExecutor(1, "planner") as executor:
         panel = Panel(script, executor)
-        with ControlSocket(address(bus), lambda line, t_ns: answer(line, panel, t_ns), LONGEST) as control:
+        # A virtual bus ends with its process: each process has one of that name.
+        name = f"{bus}-{os.getpid()}" if bus.startswith("virtual") else bus
+        with ControlSocket(address(name), lambda line, t_ns: answer(line, panel, t_ns), LONGEST) as control:
             yield [control.turn, panel.settle]

@@ -106,6 +106,8 @@ def replay(
         raise typer.Exit(130)
     result, passed = _judged(done, watch, script, bitrate)
     write_json(json_out, result)
+    if done.lost:
+        raise done.lost
     if not passed:
         raise typer.Exit(1)
 

@@ -103,8 +103,11 @@ def test_live_bus_is_counted():
     """On a live bus what is sent is counted at the clock's instants."""
 
     class Bus:
-        def send(self, frame):
+        echoes = False
+
+        def send(self, frame, timeout_s):
             self.last = frame
+            return True
 
         def receive(self, timeout_s):
             clock.now += 500_000

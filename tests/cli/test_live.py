@@ -49,7 +49,8 @@ def out(tmp_path):
 def test_replay_without_an_ecu(bench, short, out, tmp_path):
     """A replay says what it sent and how late it was, on the screen and as JSON, and records what it saw."""
     said = bench("replay", short, "--bus", "virtual:cli", "--json", out, "--record", tmp_path / "out.log")
-    assert said.out.startswith("90 frames sent, 0 heard; late by ")
+    assert said.out.startswith("90 frames sent, 0 heard, 0 unsent (queue full 0 times); bus ")
+    assert "\nlate by " in said.out
     result = json.loads(out.read_text())
     assert (result["frames_sent"], result["frames_heard"]) == (90, 0)
     assert 0 <= result["late_ms"]["mean"] <= result["late_ms"]["worst"]
@@ -75,20 +76,23 @@ def test_replay_names_what_is_not_sent(bench, tmp_path):
 
 @SIGNALS
 def test_replay_stopped(bench, short, out, tmp_path, monkeypatch, number):
-    """A replay that is stopped says so in one line, exits with 130 and writes nothing."""
+    """A replay that is stopped says so in one line and exits with 130; the recording holds what was sent."""
     stops(monkeypatch, "send", number)
     said = bench("replay", short, "--bus", "virtual:cli", "--json", out, "--record", tmp_path / "out.log")
     assert said.code == 130
-    assert said.err == "bench: replay: stopped before the lap's end; no verdict, nothing written\n"
-    assert list(tmp_path.iterdir()) == [short]
+    assert said.err.startswith("bench: replay: stopped at 0.0")
+    assert said.err.endswith(" s, before the lap's end; no verdict\n")
+    assert not out.exists()
+    assert len((tmp_path / "out.log").read_text().splitlines()) == 2
 
 
 @SIGNALS
 def test_ecu_stopped(bench, monkeypatch, number):
-    """An ECU says when it is ready; Ctrl-C and SIGTERM end it without a word and with exit code 0."""
+    """An ECU says when it is ready, and how it fared when Ctrl-C or SIGTERM ends it, with exit code 0."""
     stops(monkeypatch, "receive", number)
     said = bench("ecu", "ifd", "--bus", "virtual:cli", "--on", ON)
-    assert said == (0, "", f"ecu ifd on virtual:cli, running on {ON}; Ctrl-C ends it\n")
+    assert (said.code, said.out) == (0, "")
+    assert said.err.startswith(f"ecu ifd on virtual:cli, running on {ON}; Ctrl-C ends it\n0 frames sent in ")
 
 
 def test_signals_are_as_before(bench):
@@ -102,19 +106,21 @@ def test_ecu_for_so_long(bench):
     """With --seconds the ECU ends by itself and says what it sent."""
     said = bench("ecu", "soft_sensor", "--bus", "virtual:cli", "--seconds", 0.05, "--on", ON)
     assert said.code == 0
-    assert said.err.endswith("0 frames sent\n")
+    assert "\n0 frames sent in 0." in said.err
 
 
 @pytest.mark.parametrize("command", ["replay", "ecu"])
-def test_bus_goes_away(bench, short, monkeypatch, command):
-    """A bus that goes away while it is used is one line and exit code 2."""
+def test_bus_goes_away(bench, short, tmp_path, monkeypatch, command):
+    """A bus that goes away while it is used is one line and exit code 2; what was recorded is kept."""
 
     def gone(self, *_):
         raise BusError(f"{self.name}: cannot receive: network is down")
 
     monkeypatch.setattr(LiveBus, "receive", gone)
-    said = bench(command, short if command == "replay" else "ifd", "--bus", "virtual:cli")
+    words = (short, "--record", tmp_path / "out.log") if command == "replay" else ("ifd", "--on", ON)
+    said = bench(command, *words, "--bus", "virtual:cli")
     assert said.code == 2
+    assert command == "ecu" or len((tmp_path / "out.log").read_text().splitlines()) == 3
     assert said.err.splitlines()[-1] == "bench: bus: virtual:cli: cannot receive: network is down"
 
 

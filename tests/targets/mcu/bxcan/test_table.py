@@ -9,7 +9,7 @@ TABLE = Path(__file__).parents[4] / "docs" / "bxcan.md"
 
 def test_every_behaviour_has_its_test():
     """Each test that the table names is defined beside this file, and no row names none."""
-    rows = [line for line in TABLE.read_text().splitlines() if line.startswith("| ") and "---" not in line][1:]
+    rows = [line for line in TABLE.read_text().splitlines() if line.startswith("| ")][1:]
     named = [re.findall(r"`(test_\w+)`", row) for row in rows]
     assert len(rows) > 40
     assert all(named)
