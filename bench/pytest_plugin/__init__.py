@@ -1,7 +1,8 @@
 """The pytest plugin: a bench in a test suite. A rim of its own, beside the commands.
 
 Belongs here: options, markers, fixtures and what they hang on a report. Never: what a fixture does; it has a
-module of its own, imported when a test asks for it: a suite without a bench pays nothing.
+module of its own, imported when a test asks for it: a suite without a bench pays nothing. No module here has
+the name of a fixture: once imported, it would stand in this package in the fixture's place.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
 
     from bench.laps.lap import Lap
-    from bench.pytest_plugin.bus import Bus
-    from bench.pytest_plugin.ecu import EcuUnderTest
-    from bench.pytest_plugin.faults import Faults
+    from bench.pytest_plugin.handles import Faults
     from bench.pytest_plugin.ride import Bench
+    from bench.pytest_plugin.signals import Bus
+    from bench.pytest_plugin.under_test import EcuUnderTest
 
 PLACES = ("emulated", "host", "real")
 """Where the ECU may be: on the emulated MCU, on the host, or on the far end of a live bus."""

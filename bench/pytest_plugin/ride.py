@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 from bench.bus.bits import frame_bits
 from bench.errors import LapError
 from bench.live import LiveRig, Replay
-from bench.pytest_plugin.bus import Bus
-from bench.pytest_plugin.ecu import EcuUnderTest
 from bench.pytest_plugin.expect import Unmet, instants, seconds
-from bench.pytest_plugin.faults import Faults
+from bench.pytest_plugin.handles import Faults
+from bench.pytest_plugin.signals import Bus
+from bench.pytest_plugin.under_test import EcuUnderTest
 from bench.rig import Rig
 from bench.verdict import Verdict, judge
 
@@ -152,4 +152,4 @@ class Bench:
     def _check(self) -> None:
         __tracebackhide__ = True
         if self.rig.failure:
-            raise Unmet("the ride to go on", self.rig.failure, instants(self.verdict))
+            raise Unmet("the ride to go on", self.failure or self.rig.failure, instants(self.verdict))

@@ -14,7 +14,7 @@ from bench.watch import Alarm as Raised
 
 if TYPE_CHECKING:
     from bench.pytest_plugin.assembly import Fitted
-    from bench.pytest_plugin.faults import Fault
+    from bench.pytest_plugin.handles import Fault
     from bench.pytest_plugin.ride import Bench
 
 
