@@ -10,7 +10,7 @@ def complaints(bench: Bench) -> list[str]:
         found.append(bench.failure)
     # the answer to the last cycle may be under way; one that is missing for good is the ride's failure
     missing = watch.cycles - 1 - watch.answered
-    if missing > 0:
+    if missing > 0 and not found:
         found.append(f"{missing} of {watch.cycles} input cycles were not answered")
     if watch.garbled:
         found.append(f"unreadable answer: {watch.garbled}")

@@ -60,18 +60,18 @@ class Signal:
         """The latest value is within `tolerance` of `value`."""
         __tracebackhide__ = True
         if abs(self.last - value) > tolerance:
-            self._fail(f"{value:g} ± {tolerance:g} {self.unit}", len(self.values) - 1, "")
+            self._fail(self._in_unit(f"{value:g} ± {tolerance:g}"), len(self.values) - 1, "")
         return self
 
     def below(self, limit: float) -> Self:
         """Every value is below `limit`."""
         __tracebackhide__ = True
-        return self._all(self.values < limit, f"below {limit:g} {self.unit}")
+        return self._all(self.values < limit, self._in_unit(f"below {limit:g}"))
 
     def above(self, limit: float) -> Self:
         """Every value is above `limit`."""
         __tracebackhide__ = True
-        return self._all(self.values > limit, f"above {limit:g} {self.unit}")
+        return self._all(self.values > limit, self._in_unit(f"above {limit:g}"))
 
     def stays_within(self, reference: float | str | Signal, tolerance: float, share: float = 1.0) -> Self:
         """Of the values, at least `share` (0 to 1) are within `tolerance` of the reference at their instant.
@@ -82,7 +82,7 @@ class Signal:
         self._some()
         expected, said = self._reference(reference)
         good = np.abs(self.values - expected) <= tolerance  # NaN is not
-        wanted = f"within {tolerance:g} {self.unit} of {said}"
+        wanted = f"{self._in_unit(f'within {tolerance:g}')} of {said}"
         if share < 1.0 and good.mean() >= share:
             return self
         if share < 1.0:
@@ -112,6 +112,9 @@ class Signal:
             self._fail(wanted, k, f"{against}; {np.count_nonzero(~good)} of {len(good)} frames are not")
         return self
 
+    def _in_unit(self, text: str) -> str:
+        return f"{text} {self.unit}".rstrip()
+
     def _some(self) -> None:
         __tracebackhide__ = True
         if not len(self.values):
@@ -119,7 +122,7 @@ class Signal:
 
     def _fail(self, wanted: str, k: int, more: str) -> None:
         __tracebackhide__ = True
-        seen = f"{self.values[k]:.6g} {self.unit} at {seconds(int(self.t_ns[k]))}{more}"
+        seen = f"{self._in_unit(f'{self.values[k]:.6g}')} at {seconds(int(self.t_ns[k]))}{more}"
         raise Unmet(f"{self.name} {wanted}", seen, instants(self.bench.verdict))
 
 

@@ -22,7 +22,7 @@ def test_it(bench, faults):
     assert bench.now == bench.end == 3.01
     assert (verdict.outcome, verdict.t_cmd_ns, verdict.td_ns > 0) == ("CD", 10**9, True)
     assert bench.finish() is verdict
-    assert [(str(f.spec), f.state) for f in faults] == [("rear_stroke:short@1+0.5", "cleared")]
+    assert [(str(f.spec), f.state) for f in faults] == [("rear_stroke:short:to=gnd@1+0.5", "cleared")]
     assert (planned.t_cmd, planned.t_active, planned.t_end) == (1.0, 1.0, 1.5)
 """).assert_outcomes(passed=1)
 
@@ -38,7 +38,10 @@ def test_it(bench, faults):
         ("faults.plan('rear_stroke:open')", "has no @TIME"),
         ("bus.signal('IFD_STATUS.warmth')", "BusError: message IFD_STATUS has no signal 'warmth'"),
         ("bus.signal('HUMIDITY.now')", "BusError: "),
-        ("faults.fire('rear_stroke:open@now+0.1').clear() or list(faults)[0].clear()", "nothing to clear"),
+        (
+            "fault = faults.fire('rear_stroke:open@now+0.1'); bench.ride(0.2); fault.clear()",
+            "nothing to clear",
+        ),
     ],
 )
 def test_refuses(suite, ask, said):
@@ -131,7 +134,7 @@ def test_it(bench, ecu):{HUNG}
 def test_marked(bench, ecu):{HUNG}
 """)
     result.assert_outcomes(passed=2, errors=1)
-    result.stdout.fnmatch_lines(["bus unhealthy: ECU overrun: no answer to cycle *; pc 0x* in ecu_step"])
+    result.stdout.fnmatch_lines(["bus unhealthy: ECU overrun: no answer to cycle *; pc 0x* in ecu_step*"])
     result.stdout.fnmatch_lines(["*freeze frame*"])
 
 
