@@ -27,6 +27,9 @@ PATIENCE_S = 180.0
 WITHIN_PROCESS = "virtual"
 """The interface of python-can that no other process can hear."""
 
+_COMPLAINTS = ("bench: ", "did not keep up")
+"""How the lines of `bench ecu` begin that are no good news."""
+
 
 @contextmanager
 def attached(build: Build, bus: str, bitrate: int, complaints: list[str]) -> Iterator[None]:
@@ -100,10 +103,10 @@ def _ended(process: subprocess.Popen[str], role: str) -> list[str]:
         process.kill()
         process.communicate()
         return [f"ecu {role} did not stop"]
-    lines = said.splitlines()
-    if process.returncode not in (0, -signal.SIGINT):
-        return [f"ecu {role}: {lines[-1] if lines else f'ended with {process.returncode}'}"]
-    return [f"ecu {role} {line}" for line in lines if line.startswith("did not keep up")]
+    found = [f"ecu {role}: {line}" for line in said.splitlines() if line.startswith(_COMPLAINTS)]
+    if not found and process.returncode not in (0, -signal.SIGINT):
+        found.append(f"ecu {role}: ended with exit code {process.returncode}")
+    return found
 
 
 class _Ended(Exception):
@@ -157,6 +160,6 @@ def _thread(build: Build, bus: str, bitrate: int, complaints: list[str]) -> Iter
     if served.behind:
         worst_ms, limit_ms = served.worst_behind_ns / 1e6, BEHIND_NS / 1e6
         complaints.append(
-            f"ecu {build.role} did not keep up: {served.behind} times {limit_ms:g} ms or more behind, "
+            f"ecu {build.role}: did not keep up: {served.behind} times {limit_ms:g} ms or more behind, "
             f"{worst_ms:.1f} ms at worst"
         )
