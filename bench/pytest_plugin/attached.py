@@ -24,6 +24,9 @@ from targets.errors import TargetError
 PATIENCE_S = 180.0
 """How long an ECU may take to be ready: the first one of a machine compiles."""
 
+STOP_S = 10.0
+"""How long it may take to end; then it is killed."""
+
 WITHIN_PROCESS = "virtual"
 """The interface of python-can that no other process can hear."""
 
@@ -95,14 +98,17 @@ def _await_ready(process: subprocess.Popen[str], role: str) -> None:
 
 def _ended(process: subprocess.Popen[str], role: str) -> list[str]:
     """Stop it; what it complained of."""
+    assert process.stderr is not None
     with suppress(ProcessLookupError):
         process.send_signal(signal.SIGINT)
-    try:
-        _, said = process.communicate(timeout=10)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.communicate()
-        return [f"ecu {role} did not stop"]
+    impatience = threading.Timer(STOP_S, process.kill)
+    impatience.start()
+    said = process.stderr.read()  # communicate() would miss what was read ahead with the line that said ready
+    process.wait()
+    process.stderr.close()
+    impatience.cancel()
+    if process.returncode == -signal.SIGKILL:
+        return [f"ecu {role}: did not stop within {STOP_S:g} s"]
     found = [f"ecu {role}: {line}" for line in said.splitlines() if line.startswith(_COMPLAINTS)]
     if not found and process.returncode not in (0, -signal.SIGINT):
         found.append(f"ecu {role}: ended with exit code {process.returncode}")

@@ -110,19 +110,21 @@ def stand_in(tmp_path, monkeypatch):
     return attach
 
 
-QUIET = "import signal, sys\nsignal.signal(signal.SIGINT, lambda *_: None)\n"
+QUIET = "import signal, sys\nsignal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])\n"
 SAYS_READY = "print('ecu ifd on socketcan:vcan0, running on mcu', file=sys.stderr, flush=True)\n"
 
 
 def test_ecu_in_a_process(stand_in):
     """A process that says it is ready is stopped at the end, and has nothing to complain of."""
-    assert stand_in(SAYS_READY + "signal.pause()") == []
+    assert stand_in(SAYS_READY + "signal.sigwait([signal.SIGINT])") == []
 
 
 def test_ecu_that_could_not_keep_up(stand_in):
     """What the ECU says about its own pace is a complaint."""
     said = "did not keep up: 3 times 10 ms or more behind"
-    assert stand_in(f"{SAYS_READY}signal.pause()\nprint({said!r}, file=sys.stderr)") == [f"ecu ifd: {said}"]
+    assert stand_in(f"{SAYS_READY}signal.sigwait([signal.SIGINT])\nprint({said!r}, file=sys.stderr)") == [
+        f"ecu ifd: {said}"
+    ]
 
 
 def test_ecu_that_ended_early(stand_in):
@@ -133,7 +135,9 @@ def test_ecu_that_ended_early(stand_in):
 
 def test_ecu_that_crashed(stand_in):
     """An ECU that ended without a word is a complaint with its exit code."""
-    assert stand_in(SAYS_READY + "signal.pause()\nsys.exit(3)") == ["ecu ifd: ended with exit code 3"]
+    assert stand_in(SAYS_READY + "signal.sigwait([signal.SIGINT])\nsys.exit(3)") == [
+        "ecu ifd: ended with exit code 3"
+    ]
 
 
 def test_ecu_that_never_gets_ready(stand_in):
