@@ -4,6 +4,7 @@ import os
 import shutil
 import signal
 import tempfile
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,12 @@ from targets.firmware import ELF
 from targets.host import HostEcu, library
 from targets.mcu.image import load
 from targets.narx.network import Narx
+
+PLUGIN = "bench.pytest_plugin"
+INSTALLED = any(point.value == PLUGIN for point in entry_points(group="pytest11"))
+"""Whether pytest has found the bench's plugin by itself; a checkout may be older than its installation."""
+
+pytest_plugins = ["pytester"] if INSTALLED else ["pytester", PLUGIN]
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-ROOMS = ("dbc", "targets", "bench", "campaigns", "bench.cli")
+ROOMS = ("dbc", "targets", "bench", "campaigns", "bench.cli", "bench.pytest_plugin")
 """From the ground floor up: each imports from those before it."""
 OF_TARGETS = ("targets.ecu", "targets.errors", "targets.frame_bits", "targets.jit")
 """What the bench may know of an ECU, and the CAN frame both ends are made of."""

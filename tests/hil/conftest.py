@@ -17,7 +17,7 @@ class Said(NamedTuple):
 
 
 @pytest.fixture
-def bench(monkeypatch, capsys):
+def command(monkeypatch, capsys):
     """Call `bench WORD...`; a traceback is an exception that leaves this."""
 
     def call(*words):

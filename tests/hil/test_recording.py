@@ -77,6 +77,12 @@ class Patient(Watch):
         return None
 
 
+@pytest.fixture
+def lap():
+    """What `bench` rides."""
+    return wavy_lap(1.0)
+
+
 @pytest.fixture(scope="module")
 def mountain_bike():
     """The recording's strokes as a lap at 1 kHz, in mm, within the sensors' spans."""
@@ -100,35 +106,37 @@ def test_recorded_ride_comes_back(mountain_bike, tmp_path):
     np.testing.assert_array_equal(values["alive"], np.arange(len(values["alive"])) % 16)
 
 
-def test_recorded_ride_is_no_lap_for_the_ifd(mountain_bike, tmp_path, bench):
+def test_recorded_ride_is_no_lap_for_the_ifd(mountain_bike, tmp_path, command):
     """The IFD is refused that ride in one line that names the channels it lacks."""
     write_lap(mountain_bike, tmp_path / "ride.csv")
-    said = bench("run", tmp_path / "ride.csv", "--json", tmp_path / "out.json")
+    said = command("run", tmp_path / "ride.csv", "--json", tmp_path / "out.json")
     assert said.code == 2
     assert said.err == "bench: lap: ride.csv: missing pitch_rate_dps, speed_kmh, needed by ecu ifd\n"
     assert not (tmp_path / "out.json").exists()
 
 
 @pytest.mark.parametrize("suffix", [".log", ".blf"])
-def test_seven_channels_come_back(bench, calibration, tmp_path, suffix):
+def test_seven_channels_come_back(command, calibration, tmp_path, suffix):
     """A run recorded by the command decodes to all seven channels of its lap."""
     lap = wavy_lap(2.0)
     write_lap(lap, tmp_path / "lap.parquet")
     (tmp_path / "model.json").write_text(dumps(calibration))
     out = tmp_path / f"out{suffix}"
     model = tmp_path / "model.json"
-    bench("run", tmp_path / "lap.parquet", "--sensors", "ideal", "--model", model, "--record", out)
+    command("run", tmp_path / "lap.parquet", "--sensors", "ideal", "--model", model, "--record", out)
     values = decoded(out)
     for channel in CHANNELS:
         close(lap, channel, values[channel])
 
 
-def test_answers_are_recorded(bench, calibration, tmp_path):
+def test_answers_are_recorded(bench, bus, tmp_path):
     """The ECU's own frames are in the recording, and cantools decodes them: one status for each cycle."""
-    write_lap(wavy_lap(1.0), tmp_path / "lap.csv")
-    (tmp_path / "model.json").write_text(dumps(calibration))
-    bench("run", tmp_path / "lap.csv", "--model", tmp_path / "model.json", "--record", tmp_path / "out.log")
+    bench.finish()
+    record(tmp_path / "out.log", bus.frames)
     with can.LogReader(tmp_path / "out.log") as log:
         status = [DATABASE.decode_message(m.arbitration_id, m.data) for m in log if m.arbitration_id == 0x200]
     assert [values["alive"] for values in status] == [k % 16 for k in range(100)]
     assert all(0 < values["predicted_mm"] < 110 for values in status)
+    np.testing.assert_array_equal(
+        bus.signal("IFD_STATUS.predicted_mm").values, [values["predicted_mm"] for values in status]
+    )
