@@ -4,7 +4,21 @@ import sys
 
 import typer
 
-from bench.cli import calibrate, campaign, demo, doctor, ecu, firmware, lap, mcu, plant, replay, run, train
+from bench.cli import (
+    calibrate,
+    campaign,
+    demo,
+    doctor,
+    ecu,
+    faults,
+    firmware,
+    lap,
+    mcu,
+    plant,
+    replay,
+    run,
+    train,
+)
 from bench.errors import BenchError
 from targets.errors import TargetError
 
@@ -20,6 +34,7 @@ app.command()(run.run)
 app.add_typer(lap.app, name="lap")
 app.add_typer(plant.app, name="plant")
 app.add_typer(campaign.app, name="campaign")
+app.add_typer(faults.app, name="faults")
 app.add_typer(train.app, name="train")
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(firmware.app, name="firmware")
