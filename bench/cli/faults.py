@@ -26,7 +26,7 @@ app = typer.Typer(
 def list_kinds(
     json_out: Annotated[Path | None, json_of("the catalogue")] = None,
 ) -> None:
-    """Print every fault kind: where it acts, its parameters, its failure type byte, its name in the thesis."""
+    """Print every fault kind: where it acts, its parameters, failure type byte and name in the thesis."""
     from rich.console import Console
     from rich.table import Table
 
@@ -61,7 +61,7 @@ def explain(
     ],
     on: Annotated[
         str | None,
-        typer.Option("--on", metavar="PLACE", help="A sensor, a message, or bus.  [default: usual]"),
+        typer.Option("--on", metavar="PLACE", help="A sensor, a message, or bus."),
     ] = None,
     html: Annotated[
         Path | None,

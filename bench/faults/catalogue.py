@@ -12,7 +12,7 @@ from bench.faults.places import places
 
 
 def catalogue() -> list[dict[str, Any]]:
-    """Every kind: kind, about, places, parameters, failure_type with its default parameters, called, thesis."""
+    """Every kind: kind, about, places, parameters, failure_type (of the defaults), called, thesis."""
     return [row(name) for name in KINDS]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.codec import Codec
+from bench.errors import FaultError
 from bench.faults.bus import strike
 from bench.faults.insertion import insert
 from bench.faults.kinds import KINDS, BusKind, SensorKind
@@ -17,6 +18,7 @@ from bench.faults.places import BUS, messages
 from bench.faults.spec import FaultSpec, parse_fault
 from bench.laps.lap import Lap
 from bench.mdlog.logger import Schedule, schedule
+from bench.nearest import unknown
 from bench.sensors.codes import acquire
 from bench.sensors.transducers import BY_CHANNEL, TRANSDUCERS
 
@@ -40,7 +42,7 @@ _BIN_NS = 100_000_000
 
 
 class Example(NamedTuple):
-    """A fault, and traces over t_s float64 (instants,): name, which ends in its unit -> float64 (instants,)."""
+    """A fault and what it does: traces over t_s float64 (instants,), each named WHAT_STATE_UNIT."""
 
     spec: FaultSpec
     t_s: Floats
@@ -49,10 +51,14 @@ class Example(NamedTuple):
 
 def example(head: str, place: str | None = None) -> Example:
     """The fault `KIND[:PARAM=VALUE,...]`, on `place` or where the kind is commonest. Raises FaultError."""
-    kind = KINDS.get(head.partition(":")[0])
-    on_bus = isinstance(kind, BusKind)
+    name = head.partition(":")[0]
+    if "@" in head:
+        raise FaultError(f"{head!r}: an example has its own instant, leave out the @")
+    if name not in KINDS:
+        raise FaultError(unknown("kind", name, KINDS))
+    on_bus = isinstance(KINDS[name], BusKind)
     if place is None:
-        place = "rear_stroke" if not on_bus else BUS if kind and kind.where == "bus" else messages()[0]
+        place = "rear_stroke" if not on_bus else BUS if KINDS[name].where == "bus" else messages()[0]
     spec = parse_fault(f"{place}:{head}{BUS_WHEN if on_bus else SENSOR_WHEN}")
     return _of_frames(spec) if on_bus else _of_codes(spec)
 
@@ -90,24 +96,26 @@ def _of_frames(spec: FaultSpec) -> Example:
     # between two cycles, when the frames of the last have been handed over
     t_ns = np.arange(5_000_000, int(BUS_S * 1e9), 10_000_000)
     name = messages()[0] if spec.sensor == BUS else spec.sensor
+    before, after = (_heard(plan, t_ns, name, codec) for plan in (healthy, faulty))
     traces = {}
-    for state, plan in (("healthy", healthy), ("faulty", faulty)):
-        raw = _received(plan, t_ns, name, codec)
-        channel = next(channel for channel in reversed(raw) if channel in BY_CHANNEL)
-        signal = codec.message(name).signals[channel]
-        traces[f"{channel.rsplit('_', 1)[0]}_{state}_{channel.rsplit('_', 1)[1]}"] = signal.to_physical(
-            raw[channel]
-        )
-        traces[f"alive_{state}_count"] = raw["alive"].astype(np.float64)
-        per_bin = np.bincount(plan.t_ns // _BIN_NS, minlength=int(BUS_S * 1e9) // _BIN_NS)
-        traces[f"frames_{state}_hz"] = per_bin[t_ns // _BIN_NS] * (1e9 / _BIN_NS)
-    return Example(spec, t_ns / 1e9, dict(sorted(traces.items(), key=lambda trace: trace[0].split("_")[0])))
+    for what, unit in before:
+        # what a fault of frames leaves alone is not worth a picture
+        if not np.array_equal(before[what, unit], after[what, unit]):
+            traces[f"{what}_healthy_{unit}"] = before[what, unit]
+            traces[f"{what}_faulty_{unit}"] = after[what, unit]
+    return Example(spec, t_ns / 1e9, traces)
 
 
-def _received(
-    plan: Schedule, t_ns: NDArray[np.int64], name: str, codec: Codec
-) -> dict[str, NDArray[np.int64]]:
-    """Raw values of a message's signals as a receiver has them at each of `t_ns`."""
+def _heard(plan: Schedule, t_ns: NDArray[np.int64], name: str, codec: Codec) -> dict[tuple[str, str], Floats]:
+    """What a receiver has at each of `t_ns`: a message's last channel, its counter, frames a second."""
     mine = np.flatnonzero((plan.ids == codec.message(name).id) & (plan.cycle >= 0))
     latest = mine[np.searchsorted(plan.t_ns[mine], t_ns, side="right") - 1]
-    return codec.unpack(name, plan.payload[latest])
+    values = codec.decode_all(name, plan.payload[latest])
+    channel = next(channel for channel in reversed(values) if channel in BY_CHANNEL)
+    quantity, unit = channel.rsplit("_", 1)
+    bins = np.bincount(plan.t_ns // _BIN_NS, minlength=int(BUS_S * 1e9) // _BIN_NS)
+    return {
+        (quantity, unit): values[channel],
+        ("alive", "count"): values["alive"],
+        ("frames", "hz"): np.asarray(bins[t_ns // _BIN_NS] * (1e9 / _BIN_NS), np.float64),
+    }

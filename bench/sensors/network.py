@@ -71,7 +71,7 @@ class Network:
         return joined(v, ohm, self.leak_to, self.leak_ohm)[0]
 
     def slider(self, v: Floats) -> Floats:
-        """Slider ratios float64 (samples,) at which the pin of this circuit, its wires and leaks aside, has `v`.
+        """Slider ratios float64 (samples,) at which the pin has `v`, wires and leaks aside.
 
         v (track x (1-x) + pull) = x pull + pull_to track x (1-x), a quadratic in x.
         """
