@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.codec import Codec
 from bench.errors import FaultError
@@ -26,38 +27,47 @@ def strike(schedule: Schedule, specs: Iterable[FaultSpec], codec: Codec) -> tupl
     node (babbling) have cycle -1; the rows stay in the order (t_ns, identifier). Raises FaultError for a
     fault after the last frame, one of a message that is not sent, and one that acts on a sensor.
     """
-    done = []
+    done, healthy = [], schedule
     for spec in specs:
-        schedule, insertion = _strike(schedule, spec, codec)
+        _check(healthy, spec, codec)
+        schedule, insertion = _strike(schedule, spec, codec, int(healthy.t_ns[-1]))
         done.append(insertion)
     return schedule, done
 
 
-def _strike(plan: Schedule, spec: FaultSpec, codec: Codec) -> tuple[Schedule, Insertion]:
+def _check(plan: Schedule, spec: FaultSpec, codec: Codec) -> None:
+    """Refuse a fault that the schedule without any fault cannot have."""
     refuse_trigger(spec)
-    kind = KINDS[spec.kind]
-    if not isinstance(kind, BusKind):
+    if not spec.on_bus:
         raise FaultError(f"{spec}: acts on a sensor, not on the bus")
-    mine = plan.cycle >= 0
-    if spec.sensor != BUS:
-        message = codec.message(spec.sensor)
-        mine &= (plan.ids == message.id) & (plan.extended == message.extended)
-    if not mine.any():
+    if not _concerned(plan, spec, codec).any():
         missing = plan.unsent.get(spec.sensor, ())
         raise FaultError(
             f"{spec}: nothing is sent" + (f": the lap lacks {', '.join(missing)}" if missing else "")
         )
-    last_ns = int(plan.t_ns[-1])
-    if spec.t_cmd_ns > last_ns:
-        raise FaultError(f"{spec}: the last frame is sent at {last_ns / 1e9:.9g} s")
-    params = dict(spec.params)
+    if spec.t_cmd_ns > plan.t_ns[-1]:
+        raise FaultError(f"{spec}: the last frame is sent at {plan.t_ns[-1] / 1e9:.9g} s")
+
+
+def _concerned(plan: Schedule, spec: FaultSpec, codec: Codec) -> NDArray[np.bool_]:
+    """Which rows are of the fault's place; another node's are of none."""
+    mine: NDArray[np.bool_] = plan.cycle >= 0
+    if spec.sensor != BUS:
+        message = codec.message(spec.sensor)
+        mine &= (plan.ids == message.id) & (plan.extended == message.extended)
+    return mine
+
+
+def _strike(plan: Schedule, spec: FaultSpec, codec: Codec, last_ns: int) -> tuple[Schedule, Insertion]:
+    kind, params = KINDS[spec.kind], dict(spec.params)
+    assert isinstance(kind, BusKind)
     # an end past the lap may not fit int64: the whole rest of the lap then
     end_ns = last_ns + 1
     if spec.duration_ns is not None:
         end_ns = min(end_ns, spec.t_cmd_ns + spec.duration_ns + kind.lasts_ns(params))
     start, stop = (int(k) for k in np.searchsorted(plan.t_ns, (spec.t_cmd_ns, end_ns)))
-    rows = start + np.flatnonzero(mine[start:stop])
-    struck = kind.strike(Striking(plan, rows, spec.sensor, spec.t_cmd_ns, end_ns, params, codec))
+    rows = start + np.flatnonzero(_concerned(plan, spec, codec)[start:stop])
+    struck = kind.strike(Striking(plan, rows, spec.sensor, spec.t_cmd_ns, end_ns, last_ns, params, codec))
     active_ns = _first_ns(plan, struck)
     ends_ns = None if end_ns > last_ns else end_ns
     return _merged(plan, struck), Insertion(spec, spec.t_cmd_ns, active_ns, active_ns, ends_ns)

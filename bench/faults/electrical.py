@@ -24,6 +24,7 @@ PULL = Choice(("up", "down"), extra=True)
 _NEIGHBOUR = {"fork_stroke": "rear_stroke", "rear_stroke": "fork_stroke"}
 _POTENTIALS = {"gnd": 0.0, "batt": BATTERY, "supply": 1.0}
 _OHM = 1e9  # more is an open circuit
+_WIRE_OHM = 0.01  # so that two sliders at the ends of their tracks are no two ideal sources on one node
 
 
 def healthy_network(params: Params) -> Network:
@@ -70,8 +71,9 @@ def _short_pin(fault: Acting) -> Codes:
     other = TRANSDUCERS[_NEIGHBOUR[fault.transducer.sensor]]
     if fault.params["to"] == "supply":
         return _solve(fault, replace(network, leak_ohm=0.0, leak_to=1.0))
+    wired = replace(network, signal_ohm=_WIRE_OHM)
     here, there = (
-        network.source(network.slider(_voltage(row, codes)))
+        wired.source(network.slider(_voltage(row, codes)))
         for row, codes in (
             (fault.transducer, fault.healthy),
             (other, fault.others[other.sensor][fault.start : fault.stop]),

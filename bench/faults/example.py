@@ -98,11 +98,10 @@ def _of_frames(spec: FaultSpec) -> Example:
     name = messages()[0] if spec.sensor == BUS else spec.sensor
     before, after = (_heard(plan, t_ns, name, codec) for plan in (healthy, faulty))
     traces = {}
-    for what, unit in before:
-        # what a fault of frames leaves alone is not worth a picture
-        if not np.array_equal(before[what, unit], after[what, unit]):
-            traces[f"{what}_healthy_{unit}"] = before[what, unit]
-            traces[f"{what}_faulty_{unit}"] = after[what, unit]
+    # what a fault of frames leaves alone is not worth a picture, unless it leaves all alone
+    for what, unit in [key for key in before if not np.array_equal(before[key], after[key])] or before:
+        traces[f"{what}_healthy_{unit}"] = before[what, unit]
+        traces[f"{what}_faulty_{unit}"] = after[what, unit]
     return Example(spec, t_ns / 1e9, traces)
 
 

@@ -45,7 +45,7 @@ def _frame_repeat(fault: Striking) -> Struck:
     again = taken(plan, rows)
     again_ns = plan.t_ns[rows] + round(float(fault.params["after"]) * 1e9)
     # the logger is switched off after its last frame
-    kept = again_ns <= plan.t_ns[-1]
+    kept = again_ns <= fault.last_ns
     return Struck(added=replace(taken(again, np.flatnonzero(kept)), t_ns=again_ns[kept]))
 
 
@@ -65,12 +65,10 @@ def _stuck_counter(fault: Striking) -> Struck:
 
 
 def _babbling(fault: Striking) -> Struck:
-    plan = fault.schedule
-    end_ns = min(fault.end_ns, int(plan.t_ns[-1]) + 1)
     period_ns = 1e9 / float(fault.params["rate"])
-    count = int(np.ceil((end_ns - fault.start_ns) / period_ns))
+    count = int(np.ceil((fault.end_ns - fault.start_ns) / period_ns))
     t_ns = fault.start_ns + np.floor(np.arange(count) * period_ns).astype(np.int64)
-    t_ns = t_ns[t_ns < end_ns]
+    t_ns = t_ns[t_ns < fault.end_ns]
     count, length = len(t_ns), int(fault.params["length"])
     return Struck(
         added=Schedule(

@@ -18,8 +18,8 @@ Rows = NDArray[np.intp]
 class Striking(NamedTuple):
     """A fault at work on a logger's schedule.
 
-    rows: the frames it concerns, those of its place asked for at start_ns <= t < end_ns, in order. end_ns may
-    be past the schedule's end. place: the message's name, or "bus".
+    rows: the frames it concerns, those of its place asked for at start_ns <= t < end_ns, in order. last_ns:
+    when the logger sends its last frame; end_ns is at most just after it. place: the message's name, or "bus".
     """
 
     schedule: Schedule
@@ -27,6 +27,7 @@ class Striking(NamedTuple):
     place: str
     start_ns: int
     end_ns: int
+    last_ns: int
     params: Params
     codec: Codec
 
