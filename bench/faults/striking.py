@@ -19,7 +19,7 @@ class Striking(NamedTuple):
     """A fault at work on a logger's schedule.
 
     rows: the frames it concerns, those of its place asked for at start_ns <= t < end_ns, in order. last_ns:
-    when the logger sends its last frame; end_ns is at most just after it. place: the message's name, or "bus".
+    when the logger sends its last frame; end_ns is at most just after it. place: a message's name, or "bus".
     """
 
     schedule: Schedule

@@ -68,10 +68,10 @@ def test_no_kind_looks_ahead(placed, t_cmd, lasts, more_ms):
 def test_only_the_window_and_the_place(placed, t_cmd, lasts):
     """Frames outside the fault's time and of other messages stay; what it did first is what is reported."""
     name, place = placed
-    after, [truth] = strike(PLAN, [FaultSpec(place, name, (), t_cmd, lasts)], CODEC)
-    end_ns = (
-        PLAN.t_ns[-1] + 1 if lasts is None else t_cmd + lasts + 10 * MS
-    )  # repeats and recovery come later
+    plan = schedule(until(CODES, 2000), CODEC)
+    after, [truth] = strike(plan, [FaultSpec(place, name, (), t_cmd, lasts)], CODEC)
+    # repeats and recovery come later
+    end_ns = plan.t_ns[-1] + 1 if lasts is None else t_cmd + lasts + 10 * MS
     mine = {CODEC.message(place).id} if place != "bus" else {*plan.ids.tolist(), 0}
     healthy, faulty = rows(plan), rows(after)
 
