@@ -34,7 +34,7 @@ def rear(text):
         *(f"series_resistance:ohm=0,wire={wire},pull={pull}" for wire in ("supply", "ground", "signal")
           for pull in ("up", "down")),
         *(f"ground_shift:by=0,pull={pull}" for pull in ("up", "down")),
-        "leakage:ohm=1e9,to=supply",
+        *(f"leakage:ohm=1e9,to={to}" for to in ("gnd", "batt", "supply")),
     ],
 )  # fmt: skip
 def test_a_fault_of_no_size_changes_no_code(text):
