@@ -103,6 +103,7 @@ class LiveRig:
         self._late: list[int] = []
         self._refused = self._unsent = 0
         self._begun_ns: int | None = None  # a cycle sent, whose predecessor has not been judged yet
+        self._number = -1  # the last cycle begun
         self._own: deque[Frame] = deque(maxlen=64)
         codec = watch.codec if watch else Codec()
         self._logged = {m.id: m.name for m in codec.messages() if NODE in m.senders}
@@ -141,7 +142,7 @@ class LiveRig:
         self.advance(self._source.last_ns)
         self.advance(max(self.now_ns, self._source.last_ns) + int(DRAIN_NS * self.speed))
         self._settle()
-        if self._watch and not self.failure:
+        if self._watch and not self.failure and not self._source.excuses(self._source.taken_ns):
             self.failure = self._watch.unanswered(self.now_ns)
 
     def replayed(self) -> Replay:
@@ -158,11 +159,13 @@ class LiveRig:
 
     def _cycle(self, due_ns: int) -> None:
         # Nothing stands between the instant and the frames: judging and drawing wait until they are out.
-        now = self.now_ns
+        now, number = self.now_ns, self._source.next_cycle
         while (frame := self._source.take(due_ns)) is not None:
             self._send(due_ns, frame)
-        self._settle()
-        self._begun_ns = now
+            number = max(number, self._source.next_cycle if self._source.next_ns == due_ns else -1)
+        if number > self._number:
+            self._settle()
+            self._begun_ns, self._number = now, number
         if now - self._ticked_ns >= TICK_NS:
             self._ticked_ns = now
             for turn in self._attend:
@@ -215,7 +218,8 @@ class LiveRig:
 
     def _settle(self) -> None:
         if self._begun_ns is not None and self._watch:
-            self.failure = self.failure or self._watch.cycle(self._begun_ns)
+            failure = self._watch.cycle(self._begun_ns, self._number, self._source.excuses)
+            self.failure = self.failure or failure
         self._begun_ns = None
 
 

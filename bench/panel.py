@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from bench.errors import FaultError
-from bench.faults.insertion import Insertion
+from bench.faults.insertion import Insertion, refuse_trigger
 from bench.faults.spec import FaultSpec
 from bench.script import Plan, Script
 
@@ -69,7 +69,8 @@ class Panel:
 
         Raises FaultError for a fault this lap cannot have.
         """
-        if spec.sensor not in self._script.healthy.codes:
+        refuse_trigger(spec)
+        if not spec.on_bus and spec.sensor not in self._script.healthy.codes:
             raise FaultError(f"{spec}: the lap's sensors are {', '.join(self._script.healthy.codes)}")
         self._faults.append(_Fault(spec))
         return len(self._faults) - 1

@@ -57,7 +57,7 @@ class Rig:
         self.bitrate = bitrate
         self._bus = TimedBus(bitrate, disturbance)
         self._bus.attach(ecu)
-        self._handle, self._told_ns = 0, 0
+        self._handle, self._told_ns, self._cycle = 0, 0, -1
         self.frames: list[Delivered] = []
         self.now_ns = 0
         self.failure: str | None = None
@@ -84,7 +84,8 @@ class Rig:
         """Go on to the end, and ask for the answer to the last cycle."""
         self.advance(self.end_ns)
         if not self.failure:
-            self._fail(self._watch.unanswered(self.now_ns))
+            failure = self._watch.unanswered(self.now_ns)
+            self._fail(None if self._source.excuses(self._source.taken_ns) else failure)
 
     def _fail(self, failure: str | None) -> None:
         if failure and failure.startswith(Watch.OVERRUN):
@@ -108,19 +109,27 @@ class Rig:
                 if waiting > MOST_WAITING:
                     return f"ECU floods the bus: {waiting} frames wait at {now_ns / 1e9:.9g} s"
                 continue
-            if upcoming_ns == now_ns:
-                failure = self._watch.cycle(now_ns)
+            while source.next_ns == now_ns:  # what is due at one instant competes by priority
+                failure = self._submit(now_ns)
                 if failure:
                     return failure
-                # until none: what is due at one instant competes by priority
-                while (frame := source.take(now_ns)) is not None:
-                    bus.submit(now_ns, NODE, self._handle, frame)
-                    self._handle += 1
             delivered = bus.step(now_ns)
             if delivered is not None:
                 self._hear(delivered)
             elif now_ns >= until_ns:
                 return None
+
+    def _submit(self, now_ns: int) -> str | None:
+        """The next frame goes to the bus; what was wrong with the cycle before the one it begins."""
+        number, failure = self._source.next_cycle, None
+        if number > self._cycle:
+            self._cycle = number
+            failure = self._watch.cycle(now_ns, number, self._source.excuses)
+        frame = self._source.take(now_ns)
+        if frame is not None and not failure:
+            self._bus.submit(now_ns, NODE, self._handle, frame)
+            self._handle += 1
+        return failure
 
     def _hear(self, delivered: Delivered) -> None:
         self.frames.append(delivered)

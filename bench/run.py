@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from bench.codec import Codec
-from bench.errors import LapError
+from bench.errors import FaultError, LapError
 from bench.faults.insertion import Insertion
+from bench.faults.resolve import resolve
 from bench.faults.spec import FaultSpec
 from bench.laps.lap import Lap
 from bench.part import Part
@@ -56,7 +57,12 @@ def prepare(
     Raises LapError naming the channels that are missing, FaultError for a fault the lap cannot have.
     """
     lap.require(needs, who)
-    script = Script(part.of(acquire(lap, sensors, seed)), codec, faults, rate_hz)
+    faults = list(faults)
+    for spec in faults:
+        if not spec.resolved and part != WHOLE:
+            raise FaultError(f"{spec}: begins or ends on a condition; that needs the whole lap, ridden once")
+    specs = [resolve(spec, lap) for spec in faults]
+    script = Script(part.of(acquire(lap, sensors, seed)), codec, specs, rate_hz)
     for name, missing in script.now.frames.unsent.items():
         carried = [channel for channel in needs if channel in codec.message(name).signals]
         if carried:
@@ -127,6 +133,7 @@ def document(run: Run) -> dict[str, Any]:
         "alarms_s": [[_s(alarm.on_ns), _s(alarm.off_ns)] for alarm in watch.alarms],
         "input_cycles": watch.cycles,
         "answers": watch.answered,
+        "unanswered": watch.unanswered_cycles,
         "step_cycles": {"min": min(cycles), "mean": sum(cycles) / len(cycles), "max": max(cycles)}
         if cycles
         else None,

@@ -9,7 +9,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from bench.codec import Codec
-from bench.faults.insertion import Insertion, insert
+from bench.faults.bus import strike
+from bench.faults.insertion import Insertion, insert, merged, split
 from bench.faults.spec import FaultSpec
 from bench.mdlog.feed import Feed
 from bench.mdlog.logger import Schedule, schedule
@@ -44,8 +45,19 @@ class Script(Feed):
     def plan(self, specs: Iterable[FaultSpec]) -> Plan:
         """The lap under `specs` in place of the faults so far; changes nothing, any thread may ask."""
         specs = tuple(specs)
-        codes, insertions = insert(self.healthy, specs)
-        return Plan(specs, codes, insertions, schedule(codes, self.codec, self._rate_hz))
+        on_sensors, on_bus = split(specs)
+        codes, inserted = insert(self.healthy, on_sensors)
+        frames, struck = strike(schedule(codes, self.codec, self._rate_hz), on_bus, self.codec)
+        return Plan(specs, codes, merged(specs, inserted, struck), frames)
+
+    def excuses(self, t_ns: int) -> bool:
+        """Whether a fault of the bus acts, or acted until a cycle ago."""
+        return any(
+            spec.on_bus
+            and (acted.t_active_ns is not None and acted.t_active_ns <= t_ns + self.cycle_ns)
+            and (acted.t_end_ns is None or t_ns <= acted.t_end_ns + self.cycle_ns)
+            for spec, acted in zip(self.now.specs, self.now.insertions, strict=True)
+        )
 
     def follow(self, plan: Plan, since_ns: int) -> bool:
         """Go on with `plan`, which differs from the present one from `since_ns` on; False if that is past."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from bench.faults.insertion import Insertion
+from bench.faults.places import BUS
 from bench.watch import Alarm, Watch
 
 TD_MAX_NS = 120_000_000_000
@@ -17,6 +18,9 @@ TD_MAX_NS = 120_000_000_000
 
 MONITORED = "rear_stroke"
 """The sensor whose faults the IFD's alarm names."""
+
+CARRIERS = ("STROKES", BUS)
+"""Where a fault of the bus strikes what that sensor says."""
 
 
 class Outcome(StrEnum):
@@ -72,7 +76,9 @@ def judge(
     """
     alarm = watch.alarms[0] if watch.alarms else None
     first = min(insertions, key=lambda i: (i.t_active_ns is None, i.t_active_ns or 0), default=None)
-    outcome, reason = _outcome(watch, first, alarm, failure, td_max_ns)
+    on_bus = any(insertion.spec.on_bus for insertion in insertions)
+    invalid = failure or _unusable(watch, on_bus) or _never_acted(first)
+    outcome, reason = _outcome(invalid, first, alarm, td_max_ns)
     return Verdict(
         outcome,
         reason,
@@ -86,10 +92,9 @@ def judge(
 
 
 def _outcome(
-    watch: Watch, fault: Insertion | None, alarm: Alarm | None, failure: str | None, td_max_ns: int
+    invalid: str | None, fault: Insertion | None, alarm: Alarm | None, td_max_ns: int
 ) -> tuple[Outcome, str]:
     t_alarm = alarm.on_ns if alarm else None
-    invalid = failure or _unusable(watch) or _never_acted(fault)
     if invalid:
         return Outcome.INVALID, invalid
     if fault is None or fault.t_active_ns is None:
@@ -106,7 +111,7 @@ def _outcome(
     late = t_alarm - fault.t_active_ns
     if late > td_max_ns:
         return Outcome.MD, f"alarm {_s(late)} after the fault, later than {_s(td_max_ns)}"
-    if fault.spec.sensor != MONITORED:
+    if fault.spec.sensor not in (MONITORED, *CARRIERS):
         return Outcome.ID, f"the alarm names {MONITORED}, the fault was on {fault.spec.sensor}"
     called = fault.spec.called
     if alarm and alarm.kind and called and alarm.kind != called:
@@ -114,12 +119,13 @@ def _outcome(
     return Outcome.CD, f"alarm {_s(late)} after the fault acted"
 
 
-def _unusable(watch: Watch) -> str | None:
+def _unusable(watch: Watch, on_bus: bool) -> str | None:
+    """on_bus: faults of the bus were asked for; lost frames are their work, not the rig's."""
     if watch.garbled:
         return f"unreadable answer: {watch.garbled}"
-    if watch.missed_inputs:
+    if watch.missed_inputs and not on_bus:
         return f"frames lost: the ECU missed {watch.missed_inputs} input cycles"
-    if watch.overruns:
+    if watch.overruns and not on_bus:
         return f"{Watch.OVERRUN}: {watch.overruns} input cycles waited for the step before"
     return None
 

@@ -4,6 +4,7 @@ Belongs here: the ECU's frames, decoded. Never: whether an alarm was right (verd
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -43,6 +44,7 @@ class Watch:
     alarms: every alarm, in order of time. answers: every status frame, in order of time.
     step_cycles: CPU cycles of every step. missed_inputs, overruns: the ECU's own counts, less what they were
     in its first answer: an ECU that has been running for long is not to blame for an earlier run.
+    unanswered_cycles: of those that a fault of the bus excuses.
     garbled: what was wrong with the first frame of the ECU that could not be read.
     Raises TargetError for a role that does not exist.
     """
@@ -55,6 +57,7 @@ class Watch:
     step_cycles: list[int] = field(default_factory=list)
     missed_inputs: int = 0
     overruns: int = 0
+    unanswered_cycles: int = 0
     cycles: int = 0
     garbled: str | None = None
     _alive: int | None = None
@@ -71,10 +74,19 @@ class Watch:
         kind = self._status.signals.get("kind")
         self._kinds = {raw: name for raw, name in kind.names.items() if raw} if kind else {}
 
-    def cycle(self, t_ns: int) -> str | None:
-        """The logger starts its next input cycle at `t_ns`: what was wrong with the last, if anything."""
+    def cycle(
+        self, t_ns: int, number: int | None = None, excused: Callable[[int], bool] | None = None
+    ) -> str | None:
+        """The logger starts its next input cycle at `t_ns`: what was wrong with the last, if anything.
+
+        number: the logger's count of it, where cycles may have been lost. excused: says of a cycle's instant
+        whether it may go without an answer; such ones are counted in `unanswered_cycles`.
+        """
         failure = self.unanswered(t_ns)
-        self.cycles += 1
+        if failure and excused and excused(self._sent_ns):
+            self.unanswered_cycles += 1
+            failure = None
+        self.cycles = self.cycles + 1 if number is None else number + 1
         self._sent_ns = t_ns
         return failure
 

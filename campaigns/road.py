@@ -127,7 +127,8 @@ def _check_channels(files: Sequence[LapFile], trials: Sequence[Trial], builds: S
         for build in builds:
             file.require(build.needs(), f"ecu {build.role}")
         for condition, sensor in faults:
-            file.require((TRANSDUCERS[sensor].channel,), f"fault {condition}")
+            if sensor in TRANSDUCERS:  # a bus fault has no channel
+                file.require((TRANSDUCERS[sensor].channel,), f"fault {condition}")
 
 
 def _lap(

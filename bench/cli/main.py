@@ -11,6 +11,7 @@ from bench.cli import (
     doctor,
     ecu,
     fault,
+    faults,
     firmware,
     lap,
     mcu,
@@ -34,6 +35,7 @@ app.command()(run.run)
 app.add_typer(lap.app, name="lap")
 app.add_typer(plant.app, name="plant")
 app.add_typer(campaign.app, name="campaign")
+app.add_typer(faults.app, name="faults")
 app.add_typer(train.app, name="train")
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(firmware.app, name="firmware")

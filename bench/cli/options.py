@@ -25,7 +25,7 @@ Faults = Annotated[
     typer.Option(
         "--fault",
         metavar="SPEC",
-        help="SENSOR:KIND[:PARAM=VALUE,...]@TIME[+DURATION], times in s; may be given more than once.",
+        help="PLACE:KIND[:PARAM=VALUE,...]@TIME[+DURATION], times in s (bench faults list); more than once.",
     ),
 ]
 SensorsName = Annotated[

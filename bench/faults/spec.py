@@ -1,30 +1,32 @@
-"""A fault as it is written: `SENSOR:KIND[:PARAM=VALUE,...]@TIME[+DURATION]`, times in seconds.
+"""A fault as it is written: `PLACE:KIND[:PARAM=VALUE,...]@START[+END]`, times in seconds.
 
 Belongs here: reading it, checking it, writing it back. Every refusal is one FaultError line that names the
 value at fault and the ones that would do. Never: codes, laps, what a kind does.
 """
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from bench.errors import FaultError
-from bench.faults.kinds import KINDS, Choice, Number, Value
-from bench.sensors.transducers import TRANSDUCERS
+from bench.faults.kind import BusKind, Choice, Number, Value
+from bench.faults.kinds import KINDS
+from bench.faults.places import BUS, SENSORS, WHERE, messages, places
+from bench.faults.trigger import Trigger, When, parse_trigger
+from bench.faults.written import is_number, nanoseconds, seconds, value
+from bench.nearest import unknown
 
 FORM = "SENSOR:KIND[:PARAM=VALUE,...]@TIME[+DURATION]"
-
-_SECONDS = re.compile(r"([0-9]{1,9})(?:\.([0-9]{1,9}))?")
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 @dataclass(frozen=True)
 class FaultSpec:
-    """One fault of one sensor, from `t_cmd_ns` after the lap's start, for `duration_ns` or to the lap's end.
+    """One fault of one place, from `t_cmd_ns` after the lap's start, for `duration_ns` or to the lap's end.
 
-    params: every parameter of the kind with its value, in the table's order; those not given on construction
-    get their default, so that two specs are equal if they mean the same fault. `str` gives the written form.
-    Raises FaultError for what the tables do not know, and for times that are not.
+    sensor: its place: a sensor; for a bus fault a message's name, or "bus". params: every parameter of the
+    kind with its value, in the table's order; those not given on construction get their default, so that two
+    specs are equal if they mean the same fault. start: what it begins on instead of at t_cmd_ns, which then
+    is 0; until: what it ends on instead of after duration_ns; `resolve` turns both into times. `str` gives
+    the written form. Raises FaultError for what the tables do not know, and for times that are not.
     """
 
     sensor: str
@@ -32,16 +34,20 @@ class FaultSpec:
     params: tuple[tuple[str, Value], ...] = ()
     t_cmd_ns: int = 0
     duration_ns: int | None = None
+    start: Trigger | None = None
+    until: When | None = None
 
     def __post_init__(self) -> None:
-        if self.sensor not in TRANSDUCERS:
-            raise FaultError(f"unknown sensor {self.sensor!r}; the known ones are {', '.join(TRANSDUCERS)}")
-        if self.kind not in KINDS:
-            raise FaultError(f"unknown kind {self.kind!r}; the known ones are {', '.join(KINDS)}")
-        if self.t_cmd_ns < 0:
-            raise FaultError(f"{self.sensor}:{self.kind}: time {self.t_cmd_ns} ns is before the lap's start")
-        if self.duration_ns is not None and self.duration_ns <= 0:
-            raise FaultError(f"{self.sensor}:{self.kind}: duration {self.duration_ns} ns is not positive")
+        _check_place(self.sensor, self.kind)
+        where, begin_ns, lasts_ns = f"{self.sensor}:{self.kind}", self.t_cmd_ns, self.duration_ns
+        if begin_ns < 0:
+            raise FaultError(f"{where}: time {begin_ns} ns is before the lap's start")
+        if lasts_ns is not None and lasts_ns <= 0:
+            raise FaultError(f"{where}: duration {lasts_ns} ns is not positive")
+        if self.start is not None and begin_ns:
+            raise FaultError(f"{where}: begins at {begin_ns} ns and on {self.start}; it can have one")
+        if self.until is not None and lasts_ns is not None:
+            raise FaultError(f"{where}: ends after {lasts_ns} ns and on {self.until}; it can have one")
         object.__setattr__(self, "params", _complete(self.kind, self.params))
 
     @property
@@ -49,91 +55,108 @@ class FaultSpec:
         """What an ECU that names the kind of a fault should call this one, None if it has no name for it."""
         return KINDS[self.kind].called(dict(self.params))
 
+    @property
+    def ftb(self) -> int | None:
+        """Its failure type byte (`bench.faults.ftb`), None if none fits."""
+        return KINDS[self.kind].ftb(dict(self.params))
+
+    @property
+    def on_bus(self) -> bool:
+        """Whether it acts on frames instead of a sensor's codes."""
+        return isinstance(KINDS[self.kind], BusKind)
+
+    @property
+    def resolved(self) -> bool:
+        """Whether it begins and ends at plain times."""
+        return self.start is None and self.until is None
+
     def __str__(self) -> str:
         known = KINDS[self.kind].params
-        params = ",".join(
-            f"{name}={_write(value)}" for name, value in self.params if not _left_out(known[name], value)
-        )
-        duration = "" if self.duration_ns is None else f"+{_seconds(self.duration_ns)}"
+        params = ",".join(f"{name}={value(v)}" for name, v in self.params if not _left_out(known[name], v))
         head = f"{self.sensor}:{self.kind}" + (f":{params}" if params else "")
-        return f"{head}@{_seconds(self.t_cmd_ns)}{duration}"
+        begin = self.start or seconds(self.t_cmd_ns)
+        end = self.until or ("" if self.duration_ns is None else seconds(self.duration_ns))
+        return f"{head}@{begin}" + (f"+{end}" if end else "")
 
 
 def parse_fault(text: str) -> FaultSpec:
-    """Read `SENSOR:KIND[:PARAM=VALUE,...]@TIME[+DURATION]`, e.g. `rear_stroke:open@60+5`.
+    """Read `PLACE:KIND[:PARAM=VALUE,...]@START[+END]`, e.g. `rear_stroke:open@60+5`.
 
-    Times are plain decimals in seconds, to the nanosecond. Raises FaultError.
+    START is a time or a trigger, END a duration or `when=...` (see `trigger`). Times are plain decimals in
+    seconds, to the nanosecond. Raises FaultError.
     """
     head, at, when = text.partition("@")
     if not at:
         raise FaultError(f"{text!r} has no @TIME; a fault is written {FORM}")
-    sensor, _, rest = head.partition(":")
+    place, _, rest = head.partition(":")
     kind, colon, params = rest.partition(":")
-    start, plus, duration = when.partition("+")
+    begin, plus, end = when.partition("+")
+    start = parse_trigger(begin, text)
+    until = parse_trigger(end, text) if plus else None
+    if until is not None and not isinstance(until, When):
+        raise FaultError(f"{end!r} in {text!r}: a fault ends after a duration, or on when=")
     return FaultSpec(
-        sensor,
+        place,
         kind,
         tuple(_pairs(params, text)) if colon else (),
-        _nanoseconds(start, "time", text),
-        _nanoseconds(duration, "duration", text) if plus else None,
+        nanoseconds(begin, "time", text) if start is None else 0,
+        nanoseconds(end, "duration", text) if plus and until is None else None,
+        start,
+        until,
     )
+
+
+def _check_place(place: str, kind: str) -> None:
+    sensor = place in SENSORS
+    # the DBC is read for what no sensor is named, and only then
+    if not sensor and place not in (*messages(), BUS):
+        raise FaultError(unknown("sensor", place, (*SENSORS, *messages(), BUS)))
+    if kind not in KINDS:
+        fitting = [name for name, row in KINDS.items() if isinstance(row, BusKind) != sensor]
+        raise FaultError(unknown("kind", kind, fitting))
+    where = KINDS[kind].where
+    if place not in places(where):
+        known = ", ".join(places(where))
+        raise FaultError(f"{place}:{kind}: {kind} acts on {WHERE[where]}, not on {place}; write {known}")
 
 
 def _pairs(params: str, text: str) -> Iterable[tuple[str, Value]]:
     for part in params.split(","):
-        name, equals, value = part.partition("=")
+        name, equals, given = part.partition("=")
         if not equals or not name:
             raise FaultError(f"{part!r} in {text!r} is not PARAM=VALUE; a fault is written {FORM}")
-        yield name, value
+        yield name, given
 
 
 def _complete(kind: str, given: Iterable[tuple[str, Value]]) -> tuple[tuple[str, Value], ...]:
     """All parameters of `kind`, checked, defaults filled in, in the table's order."""
     known = KINDS[kind].params
     values: dict[str, Value] = {}
-    for name, value in given:
+    for name, each in given:
         if name not in known:
             takes = f"takes {', '.join(known)}" if known else "takes no parameter"
             raise FaultError(f"unknown parameter {name!r}; {kind} {takes}")
         if name in values:
             raise FaultError(f"parameter {name!r} of {kind} is given twice")
-        values[name] = _check(f"{kind}:{name}", value, known[name])
+        values[name] = _check(f"{kind}:{name}", each, known[name])
     return tuple((name, values.get(name, known[name].default)) for name in known)
 
 
-def _check(where: str, value: Value, rule: Number | Choice) -> Value:
+def _check(where: str, given: Value, rule: Number | Choice) -> Value:
     if isinstance(rule, Choice):
-        if value not in rule.options:
-            raise FaultError(f"{where}={value} is not one of {', '.join(rule.options)}")
-        return value
-    if isinstance(value, str) and not _NUMBER.fullmatch(value):
-        raise FaultError(f"{where}={value} is not a number")
-    number = float(value)
+        if given not in rule.options:
+            raise FaultError(f"{where}={given} is not one of {', '.join(rule.options)}")
+        return given
+    if isinstance(given, str) and not is_number(given):
+        raise FaultError(f"{where}={given} is not a number")
+    number = float(given)
     # a comparison with NaN is false, and so refuses it
     if not rule.low <= number <= rule.high:
-        raise FaultError(f"{where}={value} is not within {rule.low:g} to {rule.high:g}")
+        raise FaultError(f"{where}={given} is not within {rule.low:g} to {rule.high:g}")
+    if rule.whole and not number.is_integer():
+        raise FaultError(f"{where}={given} is not a whole number")
     return number + 0.0  # -0.0 becomes 0.0: one fault, one spelling
 
 
-def _nanoseconds(text: str, what: str, spec: str) -> int:
-    match = _SECONDS.fullmatch(text)
-    if not match:
-        raise FaultError(
-            f"{what} {text!r} in {spec!r} is not a non-negative plain decimal in seconds, to the nanosecond"
-        )
-    whole, fraction = match.groups()
-    return int(whole) * 1_000_000_000 + int((fraction or "").ljust(9, "0"))
-
-
-def _left_out(rule: Number | Choice, value: Value) -> bool:
-    return isinstance(rule, Number) and rule.extra and value == rule.default
-
-
-def _seconds(ns: int) -> str:
-    whole, fraction = divmod(ns, 1_000_000_000)
-    return f"{whole}.{fraction:09d}".rstrip("0").rstrip(".")
-
-
-def _write(value: Value) -> str:
-    # repr gives the fewest digits that read back as the same float
-    return value if isinstance(value, str) else repr(value).removesuffix(".0")
+def _left_out(rule: Number | Choice, given: Value) -> bool:
+    return rule.extra and given == rule.default

@@ -19,7 +19,17 @@ class Feed:
         """Take the rows after those taken already from `frames`, which begins as the schedule so far did."""
         self._last_ns = int(frames.t_ns[-1]) if len(frames) else 0
         self._rows = frames.rows(self._taken)
+        self._cycles = frames.cycle
         self._next = next(self._rows, None)
+
+    @property
+    def next_cycle(self) -> int:
+        """The logger's cycle of the next frame, -1 if there is none, or if another node sends it."""
+        return int(self._cycles[self._taken]) if self._next else -1
+
+    def excuses(self, t_ns: int) -> bool:
+        """Whether the logger's cycle of `t_ns` may go without an answer."""
+        return False
 
     @property
     def next_ns(self) -> int | None:

@@ -1,13 +1,16 @@
 """Fault insertion: what each kind makes of the codes, and the ground truth the rig is given."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bench.errors import FaultError
 from bench.faults.insertion import insert
-from bench.faults.kinds import KINDS
+from bench.faults.kinds import KINDS, SensorKind
+from bench.faults.places import POTENTIOMETERS, places
 from bench.faults.spec import FaultSpec, parse_fault
 from bench.sensors.codes import Codes
 from bench.sensors.transducers import TRANSDUCERS
@@ -46,18 +49,27 @@ def test_kinds(text, values, faulty):
     assert run(text, values)[0] == faulty
 
 
+PLACED = [
+    (name, sensor)
+    for name, kind in KINDS.items()
+    if isinstance(kind, SensorKind)
+    for sensor in places(kind.where)
+]
+
+
+@settings(deadline=None)  # the first `slow` waits for the compiler
 @given(
-    st.sampled_from(sorted(KINDS)),
-    st.sampled_from(sorted(TRANSDUCERS)),
+    st.sampled_from(PLACED),
     st.lists(st.floats(0, 1), min_size=1, max_size=30),
     st.integers(0, 29 * MS),
     st.none() | st.integers(1, 10**12),
 )
-def test_only_the_window_and_the_range(kind, sensor, where, t_ns, duration_ns):
+def test_only_the_window_and_the_range(placed, where, t_ns, duration_ns):
     """Whatever the fault, codes outside its window stay and all codes stay in the sensor's range."""
+    kind, sensor = placed
     row = TRANSDUCERS[sensor]
     healthy = np.rint(row.code_min + np.array(where) * (row.code_max - row.code_min)).astype(np.int32)
-    codes = codes_of(sensor, healthy)
+    codes = replace(codes_of(sensor, healthy), codes=dict.fromkeys((*POTENTIOMETERS, sensor), healthy))
     t_ns = min(t_ns, int(codes.t_ns[-1]))
     faulty, (truth,) = insert(codes, [FaultSpec(sensor, kind, (), t_ns, duration_ns)])
     after = faulty.codes[sensor]
@@ -135,6 +147,10 @@ def test_overlapping_faults_compose_in_order():
         ("speed:open@0.001", "speed:open@0.001: the lap lacks speed_kmh; its sensors are rear_stroke"),
         ("rear_stroke:open@0.0021", "rear_stroke:open@0.0021: the lap ends at 0.002 s"),
         ("rear_stroke:open@999999999", "the lap ends at 0.002 s"),
+        ("rear_stroke:short_pin@0", "rear_stroke:short_pin:to=signal@0: the lap lacks fork_stroke_mm"),
+        ("STROKES:frame_loss@0", "STROKES:frame_loss:rate=0.2@0: acts on the bus, not on a sensor"),
+        ("rear_stroke:open@sector=1/2", "rear_stroke:open@sector=1/2: begins or ends on a condition"),
+        ("rear_stroke:open@0+when=speed_kmh>1", "begins or ends on a condition"),
     ],
 )
 def test_refused(text, says):

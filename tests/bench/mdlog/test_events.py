@@ -7,12 +7,12 @@ import pytest
 from bench.codec import Codec
 from bench.faults.insertion import insert
 from bench.faults.kinds import KINDS
+from bench.faults.places import BUS, SENSORS, messages
 from bench.faults.spec import parse_fault
 from bench.mdlog.events import MESSAGE, events, noted
 from bench.mdlog.logger import schedule
 from bench.recorder import NOTES, record
 from bench.sensors.codes import acquire
-from bench.sensors.transducers import TRANSDUCERS
 from tests.conftest import wavy_lap
 
 CODEC = Codec()
@@ -36,10 +36,10 @@ def test_a_fault_that_ends_has_two_events():
     assert signals["kind"].names[int(seen[1]["kind"])] == "hold"
 
 
-def test_every_sensor_and_kind_has_its_number():
-    """The DBC numbers every sensor and every fault kind the bench knows, each once."""
+def test_every_place_and_kind_has_its_number():
+    """The DBC numbers every place and every fault kind the bench knows, each once."""
     signals = CODEC.message(MESSAGE).signals
-    assert sorted(signals["sensor"].names.values()) == sorted(TRANSDUCERS)
+    assert sorted(signals["sensor"].names.values()) == sorted((*SENSORS, *messages(), BUS))
     assert sorted(signals["kind"].names.values()) == sorted(KINDS)
 
 
