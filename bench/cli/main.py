@@ -4,7 +4,21 @@ import sys
 
 import typer
 
-from bench.cli import calibrate, campaign, demo, doctor, ecu, firmware, lap, mcu, plant, replay, run, train
+from bench.cli import (
+    bus,
+    calibrate,
+    campaign,
+    demo,
+    doctor,
+    ecu,
+    firmware,
+    lap,
+    mcu,
+    plant,
+    replay,
+    run,
+    train,
+)
 from bench.errors import BenchError
 from targets.errors import TargetError
 
@@ -26,6 +40,7 @@ app.add_typer(firmware.app, name="firmware")
 app.add_typer(mcu.app, name="mcu")
 app.command()(replay.replay)
 app.command()(ecu.ecu)
+app.command()(bus.bus)
 app.command()(doctor.doctor)
 
 
