@@ -8,9 +8,12 @@ of it has gone. One that has read nothing for the exchange's patience while it d
 """
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from bench.bus.hub import wire
-from bench.bus.hub.paced import Paced
+
+if TYPE_CHECKING:
+    from bench.bus.hub.paced import Paced
 
 QUEUE_BYTES = 1 << 20
 """A member's queue: 43,690 classic frames of 8 bytes, five seconds of a full bus at 1 Mbit/s."""
@@ -34,18 +37,23 @@ class Member:
 
 
 class Exchange:
-    """Members and what goes between them. clock: ns since 1970. paced: whose bus times the frames."""
+    """Members and what goes between them. paced: the bus that the frames go over.
+
+    clock: ns since 1970. epoch: the same at instant 0 of the caller's own clock, for what `paced` carries.
+    """
 
     def __init__(
         self,
         clock: Callable[[], int],
         patience_ns: int,
-        paced: Paced | None = None,
+        paced: "Paced | None" = None,
+        epoch: Callable[[], int] = lambda: 0,
         queue_bytes: int = QUEUE_BYTES,
     ) -> None:
         self._clock = clock
         self._patience_ns = patience_ns
         self._paced = paced
+        self._epoch = epoch
         self._queue_bytes = queue_bytes
         self._full: list[Member] = []
         self.members: list[Member] = []
@@ -77,24 +85,20 @@ class Exchange:
         self._relieve(member)
 
     def take(self, member: Member, data: bytes, now_ns: int) -> None:
-        """Take what `member` has sent; a record's missing end may follow. WireError if it is no frame."""
+        """Take what `member` has sent; a record's missing end may follow. WireError at what is none."""
         member.rest += data
-        end = wire.stamp(member.rest, self._clock)
-        if not end:
-            return
-        batch = member.rest[:end]
-        del member.rest[:end]
-        if self._paced is None:
-            self._spread(member, batch, now_ns)
-        else:
-            for passed in self._paced.put(member, batch, now_ns):
-                self._spread(member, passed, now_ns)
+        while member.rest and (end := wire.stamp(member.rest, self._clock)):
+            batch = member.rest[:end]
+            del member.rest[:end]
+            passed = [batch] if self._paced is None else self._paced.put(member, batch, now_ns)
+            for part in passed:
+                self._spread(member, part, now_ns)
 
     def run(self, now_ns: int) -> None:
         """Spread what a timed bus has carried up to `now_ns`; put off the bus who has exhausted patience."""
         if self._paced is not None:
             for sender, ended_ns, frame in self._paced.run(now_ns):
-                wire.set_time(frame, self._clock() - (now_ns - ended_ns))
+                wire.set_time(frame, self._epoch() + ended_ns)
                 self._spread(sender, frame, now_ns)
         for member in tuple(self._full):
             if member.full_ns is not None and now_ns - member.full_ns >= self._patience_ns:

@@ -16,7 +16,6 @@ from typing import NoReturn
 
 from bench.bus.hub import wire
 from bench.bus.hub.exchange import Exchange, Member
-from bench.bus.hub.paced import Paced
 from bench.bus.hub.place import Lock, Place
 from bench.errors import BusError
 
@@ -30,6 +29,8 @@ CLIENTS = 250
 
 _CHUNK, _TIMED_CHUNK = 1 << 16, 1 << 11
 """Bytes read at once; of a timed bus's clients few, so that frames wait where their senders feel it."""
+_STEP_NS = 100_000_000
+"""A time of day that is off by more has been set anew."""
 _READ, _WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 
 
@@ -78,13 +79,19 @@ class Hub:
         self._place = Place.of(channel)
         self._lock = Lock(self._place.lock)
         self._idle_ns = None if idle_s is None else int(idle_s * 1e9)
-        self._exchange = Exchange(time.time_ns, int(patience_s * 1e9), Paced(timed) if timed else None)
+        paced = None
+        if timed is not None:
+            from bench.bus.hub.paced import Paced  # compiled code, whose import takes a second
+
+            paced = Paced(timed)
+        self._exchange = Exchange(time.time_ns, int(patience_s * 1e9), paced, self._epoch)
         # a frame at 500 kbit/s lasts 0.2 ms: only select() waits for less than a millisecond
-        self._selector = selectors.SelectSelector() if timed else selectors.DefaultSelector()
+        self._selector = selectors.SelectSelector() if paced else selectors.DefaultSelector()
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._clients: dict[socket.socket, _Client] = {}
         self._number = 0
         self._begun_ns = time.monotonic_ns()
+        self._epoch_ns = min(time.time_ns() - self._now() for _ in range(10))
         self._alone_ns: int | None = 0
 
     def __enter__(self) -> "Hub":
@@ -138,6 +145,13 @@ class Hub:
 
     def _now(self) -> int:
         return time.monotonic_ns() - self._begun_ns
+
+    def _epoch(self) -> int:
+        """The time of day at instant 0; it stays, lest frames on a timed bus jitter, until it is set anew."""
+        seen_ns = time.time_ns() - self._now()
+        if abs(seen_ns - self._epoch_ns) > _STEP_NS:
+            self._epoch_ns = seen_ns
+        return self._epoch_ns
 
     def _abandoned(self, now_ns: int) -> bool:
         return (

@@ -110,20 +110,21 @@ def fault(flags: int, dlc: int, identifier: int, length: int, classic: bool = Fa
 def stamp(buffer: bytearray, clock: Callable[[], int]) -> int:
     """Write the time into each whole frame at the head of `buffer`; where the last one ends.
 
-    clock: ns since 1970, asked once for each. Raises WireError for anything but a client's frames.
+    clock: ns since 1970, asked once for each. Raises WireError if the first record is no client's frame.
     """
     at, size, head = 0, len(buffer), HEAD.size
     while size - at >= head:
         length, kind, flags, dlc, identifier, _ = HEAD.unpack_from(buffer, at)
         if not head <= length <= LONGEST or kind != FRAME or flags >= OWN:
-            raise WireError(
+            wrong: str | None = (
                 f"a record of kind {kind}, flags {flags:#x} and {length} bytes, which is no frame"
             )
-        if size - at < length:
-            break
-        wrong = fault(flags, dlc, identifier, length - head)
-        if wrong:
+        else:
+            wrong = fault(flags, dlc, identifier, length - head)
+        if wrong and not at:
             raise WireError(wrong)
+        if wrong or size - at < length:
+            break
         _TIME.pack_into(buffer, at + _TIME_AT, clock())
         at += length
     return at
