@@ -4,8 +4,8 @@ python -m tests.benchmarks.buses [FRAMES] [JSON]
 
 Two nodes in two processes, 8 bytes of data; `virtual`, which lives in one process, in two threads. Latency:
 half of the way there and back, one frame at a time. Rate: frames in windows of 100, which every bus can hold,
-each acknowledged by one frame. Lost: of as many frames sent on end, as fast as the bus takes them. SocketCAN is
-measured where vcan0 is: natively, or by `with-vcan` before this whole command.
+each acknowledged by one frame. Lost: of as many frames sent on end, as fast as the bus takes them. SocketCAN
+is measured where vcan0 is: natively, or by `with-vcan` before this whole command.
 """
 
 import json

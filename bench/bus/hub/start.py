@@ -29,6 +29,8 @@ def connect(channel: str, own: bool, timed: int | None = None) -> tuple[socket.s
     own: the client wants to hear what it sends. timed: the bit rate it asks for; None: any. Raises BusError
     if the hub refuses, or none can be had.
     """
+    if timed is not None and not 1 <= timed <= 1_000_000:
+        raise BusError(f"bit rate {timed} bit/s is not within 1 to 1000000, the range of classic CAN")
     place = Place.of(channel)
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
@@ -108,9 +110,9 @@ def _start(channel: str, timed: int, deadline: float) -> None:
     assert process.stdout is not None
     with process.stdout as said:
         ready, _, _ = select.select([said], [], [], max(deadline - time.monotonic(), 0))
-        word = said.readline().decode(errors="replace").strip() if ready else "does not start"
+        word = said.readline().decode(errors="replace").strip() if ready else ""
     process.wait()  # the hub is its child, and outlives it
     if word == TAKEN:
         time.sleep(_PAUSE_S)  # that one is about to be there, or about to go
     elif word != READY:
-        raise BusError(f"strokebench:{channel}: hub: {word or 'does not start'}")
+        raise BusError(word or f"strokebench:{channel}: a hub does not start")

@@ -302,6 +302,8 @@ def test_timed(hub, node):
     ("how", "says"),
     [
         ({"timed": 250_000}, "^strokebench:bus0: the hub runs untimed, the client asks for 250000 bit/s$"),
+        ({"timed": 0}, r"^strokebench:bus0: bit rate 0 bit/s is not within 1 to 1000000"),
+        ({"timed": -1}, r"^strokebench:bus0: bit rate -1 bit/s is not within 1 to 1000000"),
         ({"timed": "fast"}, "^strokebench:bus0: invalid literal"),
         ({"channel": "a/b"}, "^strokebench:a/b: channel 'a/b': a name has"),
     ],
@@ -313,12 +315,14 @@ def test_bus_that_cannot_be_had(hub, how, says):
         HubBus(**how)
 
 
-def test_hub_that_cannot_start(runtime):
-    """A bit rate that is none is refused by the hub that was to be started, with its reason."""
+def test_hub_that_cannot_start():
+    """If the hub that was to be started cannot be, its reason is handed on."""
+    place = Place.of("bus0")
+    place.socket.mkdir()
     with pytest.raises(
-        can.CanInitializationError, match=r"^strokebench:bus0: hub: bit rate 2000000 bit/s is not"
+        can.CanInitializationError, match=r"^strokebench:bus0: /.*/bus0.sock: Is a directory$"
     ):
-        HubBus(timed=2_000_000)
+        HubBus()
     assert running() == []
 
 
