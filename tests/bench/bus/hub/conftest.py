@@ -1,6 +1,5 @@
 """A directory for the hubs of each test, hubs in this process, and nodes that are always shut down."""
 
-import os
 import shutil
 import tempfile
 import threading
@@ -53,12 +52,3 @@ def node():
             return bus
 
         yield put
-
-
-def alive(pid):
-    """Whether the process is there."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True

@@ -4,7 +4,6 @@ import os
 import random
 import signal
 import socket
-import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -198,4 +197,3 @@ def test_process_of_a_client():
     assert server._process(here) == f" (process {os.getpid()})"
     here.close()
     there.close()
-    assert struct.calcsize("3i") == 12
