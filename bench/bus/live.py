@@ -10,6 +10,8 @@ import time
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
+from bench.bus.hub.place import DEFAULT
+from bench.bus.hub.wire import INTERFACE as OWN_INTERFACE
 from bench.errors import BusError
 from targets.ecu import Frame
 
@@ -46,13 +48,18 @@ class LiveBus:
         import can
 
         interface, _, channel = name.partition(":")
-        if interface not in can.VALID_INTERFACES:
-            known = ", ".join(sorted(can.VALID_INTERFACES))
-            raise BusError(f"{name}: no interface {interface!r}; python-can has {known}")
+        known = {OWN_INTERFACE, *can.VALID_INTERFACES}
+        if interface not in known:
+            raise BusError(f"{name}: no interface {interface!r}; python-can has {', '.join(sorted(known))}")
         self.name = name
         self._can = can
         try:
-            self._bus = can.Bus(interface=interface, channel=channel or None, bitrate=bitrate)
+            if interface == OWN_INTERFACE:
+                from bench.bus.hub.client import HubBus  # also there where its entry point is not installed
+
+                self._bus = HubBus(channel or DEFAULT)
+            else:
+                self._bus = can.Bus(interface=interface, channel=channel or None, bitrate=bitrate)
         except Exception as error:  # drivers of absent hardware raise whatever they meet
             raise BusError(f"{name}: cannot be opened: {_reason(error)}") from None
         self.echoes = interface == "udp_multicast"

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Self
 
 from bench.errors import BenchError
-from bench.private import private_folder
+from bench.private import own_directory
 
 _SUFFIX = ".replay"
 _MOST_CLIENTS = 16
@@ -17,12 +17,12 @@ _MOST_CLIENTS = 16
 
 def address(bus: str) -> Path:
     """Where a replay on `bus` listens."""
-    return private_folder() / (re.sub(r"[^\w.-]", "_", bus) + _SUFFIX)
+    return own_directory() / (re.sub(r"[^\w.-]", "_", bus) + _SUFFIX)
 
 
 def running() -> list[Path]:
     """The addresses at which replays listen."""
-    return [path for path in sorted(private_folder().glob(f"*{_SUFFIX}")) if _alive(path)]
+    return [path for path in sorted(own_directory().glob(f"*{_SUFFIX}")) if _alive(path)]
 
 
 def ask(path: Path, line: bytes, timeout_s: float = 5.0) -> bytes:

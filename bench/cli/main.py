@@ -5,6 +5,7 @@ import sys
 import typer
 
 from bench.cli import (
+    bus,
     calibrate,
     campaign,
     demo,
@@ -43,6 +44,7 @@ app.add_typer(mcu.app, name="mcu")
 app.command()(replay.replay)
 app.add_typer(fault.app, name="fault")
 app.command()(ecu.ecu)
+app.command()(bus.bus)
 app.command()(doctor.doctor)
 
 
