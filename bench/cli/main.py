@@ -14,6 +14,7 @@ from bench.cli import (
     firmware,
     lap,
     mcu,
+    monitor,
     plant,
     replay,
     run,
@@ -41,6 +42,7 @@ app.add_typer(mcu.app, name="mcu")
 app.command()(replay.replay)
 app.add_typer(fault.app, name="fault")
 app.command()(ecu.ecu)
+app.command()(monitor.monitor)
 app.command()(doctor.doctor)
 
 
