@@ -31,7 +31,7 @@ STALE_NS = 1_000_000_000
 
 _BLOCKS, _MARKS = "▁▂▃▄▅▆▇█", "_.-=+*#"
 _NAME, _NUMBER, _UNIT = 16, 8, 6
-_NARROW, _WIDE = 50, 100
+_NARROW, _WIDE, _TALL = 50, 100, 30
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def screen(look: Look, frame: Frame, width: int, height: int, style: Style) -> G
     bottom = [page.line(f"! {text}", "red") for text in look.complaints[:2]]
     if frame.note:
         bottom.append(page.line(frame.note, "yellow"))
-    bottom.append(page.line(_keys(frame), "dim"))
+    bottom += [page.line(text, "dim") for text in _keys(frame, width, 3 if height >= _TALL else 1)]
     middle = [line for ecu in look.ecus for line in page.ecu(ecu)]
     if look.faults:
         middle.append(page.line(_faults(look), "magenta"))
@@ -114,9 +114,16 @@ def _head(look: Look, frame: Frame) -> str:
     return "  ".join(["PAUSED", *parts] if frame.paused else parts)
 
 
-def _keys(frame: Frame) -> str:
-    own = ["q quit", "space go on" if frame.paused else "space pause", "c clear"]
-    return "  ".join([*own, *(f"{key} {spec}" for key, spec in frame.keys.items())])
+def _keys(frame: Frame, width: int, most: int) -> list[str]:
+    """What the keys do, in at most `most` lines."""
+    lines = ["q quit  " + ("space go on" if frame.paused else "space pause") + "  c clear"]
+    for key, spec in frame.keys.items():
+        more = f"{key} {spec}"
+        if len(lines) < most and len(lines[-1]) + 2 + len(more) > width:
+            lines.append(more)
+        else:
+            lines[-1] += f"  {more}"
+    return lines
 
 
 def _faults(look: Look) -> str:
