@@ -33,7 +33,7 @@ class Trace:
         shape = (len(self._names), BINS)
         self._low, self._high = np.full(shape, np.inf), np.full(shape, -np.inf)
         self._sum, self._count = np.zeros(shape), np.zeros(BINS, dtype=np.int64)
-        self._newest = BINS - 1  # the number of the latest bin that is ready to be filled
+        self._newest = -1  # the number of the latest bin that is ready to be filled
         alive = message.signals.get("alive")
         self.counter = AliveCounter(alive.length) if alive else None
         self.last: dict[str, float] = {}
