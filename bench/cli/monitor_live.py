@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
+from bench.errors import BusError
+
 if TYPE_CHECKING:
+    from bench.bus.live import Heard
     from bench.cli.monitor_faults import Answer, FaultLink
     from bench.cli.monitor_keys import Keyboard
     from bench.cli.monitor_record import Write
@@ -120,19 +124,29 @@ def listen(
     Raises BusError if the bus goes away, RecordError if the recording cannot go on.
     """
     heard_ns, turned_ns = 0, -TURN_NS
-    while seconds is None or clock() < seconds * 1e9:
-        heard = bus.receive(TURN_NS / 1e9)
-        now_ns = clock()
-        lag_ns = 0
-        if heard:
-            heard_ns = max(heard_ns, now_ns - heard.age_ns)
-            lag_ns = heard.age_ns
-            monitor.heard(heard_ns, heard.frame, lag_ns)
-            write(heard_ns, heard.frame)
-        if heard is None or now_ns - turned_ns >= TURN_NS:
-            turned_ns = now_ns
-            if not turn(now_ns, lag_ns):
-                return
+
+    def take(heard: Heard, now_ns: int) -> None:
+        nonlocal heard_ns
+        heard_ns = max(heard_ns, now_ns - heard.age_ns)
+        monitor.heard(heard_ns, heard.frame, heard.age_ns)
+        write(heard_ns, heard.frame)
+
+    try:
+        while seconds is None or clock() < seconds * 1e9:
+            heard = bus.receive(TURN_NS / 1e9)
+            now_ns = clock()
+            if heard:
+                take(heard, now_ns)
+            if heard is None or now_ns - turned_ns >= TURN_NS:
+                turned_ns = now_ns
+                if not turn(now_ns, heard.age_ns if heard else 0):
+                    return
+    except BusError:
+        # What came before the bus went down still lies in the queue; a second error ends that, too.
+        with suppress(BusError):
+            while heard := bus.receive(0.0):
+                take(heard, clock())
+        raise
 
 
 def since_now(clock: Clock = time.monotonic_ns) -> Clock:

@@ -169,7 +169,7 @@ class _Page:
         name = min(_NAME + (14 if wide else 0), max(self._width // 3, 4))
         columns = [name, _NUMBER] if narrow else [name, _NUMBER, _UNIT, _NUMBER, _NUMBER]
         heads = ["signal", "value"] if narrow else ["signal", "value", "", "low", "high"]
-        spark = self._width - sum(columns) - len(columns)
+        spark = self._width - sum(columns) - len(columns) - 1  # a space behind each
         if spark >= 4:
             columns.append(spark)
             heads.append("20 s")

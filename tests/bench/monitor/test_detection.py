@@ -30,7 +30,7 @@ def test_without_a_replay():
     polls=st.integers(1, 4),
 )
 def test_between_two_replies(speed, offset_s, td_s, polls):
-    """An alarm between two replies gets its bench time from them, whatever the speed and the clocks' offset."""
+    """An alarm between two replies is dated by them, whatever the speed and the clocks' offset."""
     detection = Detection()
     active_s = 200.0
     alarm_ns = round((active_s + td_s) / speed * S) + round((offset_s + 200) * S)
@@ -71,7 +71,7 @@ def test_before_the_next_reply():
     ids=["none", "not-acted", "later", "ended", "ends-later", "first-of-two", "second"],
 )
 def test_which_fault(faults, td_s):
-    """The first of the faults that are active when the alarm comes; without one the alarm has no such time."""
+    """The first of the faults that are active when the alarm comes counts; without one there is no time."""
     detection = Detection()
     detection.told(0, told(0.0, *faults))
     detection.told(20 * S, told(20.0, *faults))

@@ -95,7 +95,7 @@ def test_another_dbc(monitor, frame):
 
 
 def test_unknown_frames(monitor):
-    """Identifiers the DBC does not have are counted, within bounds, and a 29-bit one is not its 11-bit twin."""
+    """Identifiers the DBC does not have are counted, within bounds; 29 bits are not their 11-bit twin."""
     for k in range(3000):
         monitor.heard(k * MS, Frame(0x10000 + k, b"", True))
     monitor.heard(3000 * MS, Frame(0x100, bytes(4), True))

@@ -17,7 +17,7 @@ def test_steady_rate(period, amount):
 
 
 def test_before_the_first_second():
-    """In the first second the sum counts over the time since 0; before the first bin is over there is none."""
+    """In the first second the sum counts over the time since 0, which is nothing in the first bin."""
     window = LastSecond()
     assert window.per_second(0) == 0
     for k in range(10):
