@@ -104,7 +104,7 @@ def _say(text: str) -> None:
         typer.echo(plain(text))
     except BrokenPipeError:
         # what is flushed at exit would raise again
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # for the rest of the process
         raise KeyboardInterrupt from None
 
 
