@@ -6,6 +6,7 @@ Belongs here: python-can messages to frames and back. Never: pacing (clocks), wh
 import errno
 import logging
 import socket
+import sys
 import time
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -18,6 +19,7 @@ from targets.ecu import Frame
 RECEIVE_BUFFER = 2 * 1024 * 1024
 """Bytes asked of the kernel for frames not read yet; its default holds 278 frames, 35 ms of a full bus."""
 
+_SO_MEMINFO, _DROPS = 55, 8  # Linux; and the word of its answer that counts what found no room
 _SO_RCVBUFFORCE = 33  # Linux; Python does not name it
 
 _OLDEST_S = 10.0
@@ -96,6 +98,17 @@ class LiveBus:
                 return Heard(frame, _age_ns(message.timestamp))
             timeout_s = 0.0
         return None
+
+    def dropped(self) -> int | None:
+        """Frames the kernel threw away because nobody read them in time; None where it does not tell."""
+        endpoint = getattr(self._bus, "socket", None)
+        if not isinstance(endpoint, socket.socket) or endpoint.fileno() < 0:
+            return None
+        try:
+            words = endpoint.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, 4 * (_DROPS + 1))
+        except OSError:
+            return None
+        return int.from_bytes(words[4 * _DROPS :], sys.byteorder)
 
     def __enter__(self) -> Self:
         return self

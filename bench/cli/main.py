@@ -16,6 +16,7 @@ from bench.cli import (
     firmware,
     lap,
     mcu,
+    monitor,
     plant,
     replay,
     run,
@@ -45,6 +46,7 @@ app.command()(replay.replay)
 app.add_typer(fault.app, name="fault")
 app.command()(ecu.ecu)
 app.command()(bus.bus)
+app.command()(monitor.monitor)
 app.command()(doctor.doctor)
 
 
