@@ -3,7 +3,7 @@
 Belongs here: reading instructions. Never: what they cost together (`pipeline`), or executing them.
 """
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -54,16 +54,19 @@ _CORE = {f"r{k}": k for k in range(13)} | {
 }
 
 
+@lru_cache(maxsize=1 << 14)
 def decode(code: bytes, address: int) -> NDArray[np.int64]:
     """Rows of the instructions in `code`, which lies at `address`: int64 (len(code) // 2, ROW).
 
-    What is no instruction gets the row of a one-cycle halfword, so that everything decoded has one.
+    What is no instruction gets the row of a one-cycle halfword, so that everything decoded has one. Kept, and
+    read-only: the machines of one image ask for the same blocks, and a live one has no time for it.
     """
     rows = np.zeros((len(code) // 2, ROW), dtype=np.int64)
     rows[:, INFO] = ALU | 1 << SIZE_AT | 1 << CYCLES_AT
     for instruction in _engine().disasm(code, address):
         if instruction.id:
             rows[(instruction.address - address) // 2] = _row(instruction)
+    rows.setflags(write=False)
     return rows
 
 
