@@ -65,7 +65,9 @@ class GroundLink:
         self._send(self.link.turn(t_ns))
 
     def close(self) -> None:
-        """Say the last of it, as of the last turn, and close the socket."""
+        """Say the last of it, as of the last turn, and close the socket; once."""
+        if self._socket.fileno() < 0:
+            return
         self._send(self.link.end(self._last_ns))
         self._socket.close()
 
