@@ -109,6 +109,13 @@ def test_alarm_without_a_fault():
     assert said == ["alarm, no fault active", "alarm taken back after 0.010 s", "alarm, no fault active"]
 
 
+def test_alarm_after_the_fault():
+    """A fault that has ended is none that an alarm could have detected."""
+    lap = Lap(planned=("rear_stroke:open@0.05+0.1",))
+    lap.answer(150, alarm=1)
+    assert texts(lap.to(160)) == [(common.MAV_SEVERITY_ALERT, "alarm, no fault active")]
+
+
 def test_record():
     """The .tlog holds every packet, sent and heard, under its microsecond since 1970, and nothing else."""
     lap = Lap(speed=2.0)
@@ -233,6 +240,13 @@ def test_right_checksum_around_anything(sequence, kind, payload, version_1):
 def test_malformed(head):
     """Each way to be wrong is refused."""
     assert refused(head(Station().long(DISTANCE, OFF, 2))) >= 1
+
+
+def test_flag_that_is_not_known():
+    """A packet that says it cannot be read without knowing more is not read, though its checksum is right."""
+    good = Station().long(DISTANCE, OFF, 2)
+    head = good[:2] + b"\x02" + good[3:10]
+    assert refused(seal(head, good[10:-2], common.MAVLink_command_long_message.crc_extra)) == 1
 
 
 def test_shortened_in_version_1():
