@@ -37,6 +37,12 @@ class BusError(BenchError):
     side = "bus"
 
 
+class MavlinkError(BenchError):
+    """No ground station can be reached, or it is asked for what the link cannot do."""
+
+    side = "mavlink"
+
+
 class RecordError(BenchError):
     """A recording or result file cannot be written."""
 

@@ -48,6 +48,7 @@ class _Fault:
     spec: FaultSpec
     place: int | None = None  # among the script's faults, once it is one of them
     asked: str | None = None  # "fire" or "clear", until a plan with it is followed
+    cleared: bool = False  # its end has been commanded, and is not put off by asking again
 
 
 class Panel:
@@ -92,7 +93,8 @@ class Panel:
         """
         fault = self._of(number)
         if number not in self.clearable(t_ns):
-            state = "being changed" if fault.asked else self.entries(t_ns)[number].state
+            changing = fault.asked or fault.cleared
+            state = "being changed" if changing else self.entries(t_ns)[number].state
             raise FaultError(f"fault {number} ({fault.spec}) is {state}: nothing to clear")
         self._ask(fault, "clear", t_ns)
 
@@ -102,7 +104,10 @@ class Panel:
         return [
             entry.number
             for entry, fault in rows
-            if entry.state in (State.FIRED, State.ACTIVE) and fault.place is not None and not fault.asked
+            if entry.state in (State.FIRED, State.ACTIVE)
+            and fault.place is not None
+            and not fault.asked
+            and not fault.cleared
         ]
 
     def settle(self, t_ns: int) -> None:
@@ -116,7 +121,7 @@ class Panel:
                     self._faults[number].asked = None
             elif self._script.follow(future.result(), since_ns):
                 for number, (place, spec) in changed.items():
-                    self._faults[number] = _Fault(spec, place)
+                    self._faults[number] = _Fault(spec, place, cleared=self._faults[number].asked == "clear")
             # else planned too late: what is still asked for is planned again, for a later instant
         if not self._planning and any(fault.asked for fault in self._faults):
             self._plan(self._from(t_ns))

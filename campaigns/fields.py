@@ -10,7 +10,7 @@ Line = Annotated[str, Field(max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")
 """What is printed in one line: no control characters."""
 Name = Annotated[Line, Field(min_length=1)]
 Fault = Annotated[str, Field(min_length=1)]
-"""A fault's specification without its instant."""
+"""A fault's specification without its instant; on the road it may have one, and is ridden at that."""
 
 
 class Campaign(BaseModel):

@@ -103,8 +103,9 @@ def expand(
             lap, length_s = _lap(plan, parameters, seed, files)
             spec = ""
             if fault:
-                window = _window(plan, lap, length_s)
-                spec = str(parse_fault(f"{fault}@{_instant(window, seed, parameters.get(PHASE))}"))
+                own = "@" in fault  # an instant of its own, none to be drawn
+                at = "" if own else f"@{_instant(_window(plan, lap, length_s), seed, parameters.get(PHASE))}"
+                spec = str(parse_fault(fault + at))
             trials.append(
                 Trial(condition, parameters, lap, sensors, seed, spec, build, ecu, plan.td_max_s, plan.ftti_s)
             )

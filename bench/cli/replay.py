@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bench.cli.ground_options import AllowInject, InjectFrom, Mavlink, SessionOut, Tlog, write_session
 from bench.cli.options import (
     Bitrate,
     BusName,
@@ -51,14 +52,21 @@ def replay(
     record_out: Annotated[
         Path | None, typer.Option("--record", metavar="OUT", help="Record the bus (.log, .asc, .blf, .mf4).")
     ] = None,
+    mavlink: Mavlink = None,
+    allow_inject: AllowInject = False,
+    inject_from: InjectFrom = None,
+    tlog: Tlog = None,
+    session: SessionOut = None,
 ) -> None:
     """Replay a lap onto a live CAN bus at its own pace; with --ecu also listen and judge.
 
-    While it runs, `bench fault` arms, fires and clears faults. Exit code 0: replayed in time (with --ecu: and
-    passed). 1: any other verdict. 2: bad input. 130: stopped before the end: recorded so far, no verdict.
+    While it runs, `bench fault` and a ground station arm, fire and clear faults.
+    Exit code 0: replayed in time (with --ecu: and passed). 1: any other verdict. 2: bad input. 130: stopped
+    before the end: recorded so far, no verdict.
     """
     from bench.bus.live import LiveBus
     from bench.cli.attendants import attending
+    from bench.cli.ground_link import Ground
     from bench.cli.progress import lap_progress
     from bench.codec import Codec
     from bench.faults.spec import parse_fault
@@ -68,6 +76,7 @@ def replay(
     from bench.recorder import check_target, record
     from bench.run import prepare
     from bench.sensors.datasheets import load_sensors
+    from bench.session import Session
     from bench.watch import Watch
     from bench.whole import check_writable
 
@@ -75,6 +84,9 @@ def replay(
         check_writable(json_out)
     if record_out:
         check_target(record_out)
+    if session:
+        check_writable(session)
+    ground = Ground(mavlink, allow_inject, inject_from, tlog)
     codec = Codec()
     specs = [parse_fault(text) for text in fault or []]
     instruments = load_sensors(sensors)
@@ -87,9 +99,10 @@ def replay(
         LiveBus(bus, bitrate) as live,
         stoppable(),
         lap_progress(script.last_ns) as tell,
-        attending(bus, script) as attendants,
+        attending(bus, script, ground.joining(watch, bitrate, speed)) as attendants,
     ):
         rig = LiveRig(script, live, watch, tell, attend=attendants, speed=speed)
+        ground.follow(rig.frames)
         try:
             rig.finish()
         except KeyboardInterrupt:
@@ -99,13 +112,17 @@ def replay(
         typer.echo(f"not sent: {name}, the lap lacks {', '.join(channels)}")
     if record_out:
         record(record_out, noted(done.frames, script.now.insertions, codec))
+    if session:
+        write_session(session, Session(lap.name, ridden, part, sensors, seed), script)
+    if line := ground.line():
+        typer.echo(line)
     if stopped:
         typer.echo(
             f"bench: replay: stopped at {rig.now_ns / 1e9:.3f} s, before the lap's end; no verdict", err=True
         )
         raise typer.Exit(130)
     result, passed = _judged(done, watch, script, bitrate)
-    write_json(json_out, result)
+    write_json(json_out, result | ground.document())
     if done.lost:
         raise done.lost
     if not passed:

@@ -88,6 +88,21 @@ def test_fault_that_changes_nothing_is_spent(script):
     assert states(panel, 100 * MS) == [State.SPENT]
 
 
+def test_clearing_again_puts_nothing_off(script):
+    """A fault whose end has been commanded is refused until then: asking again does not move the end."""
+    later = Later()
+    panel = Panel(script, later)
+    panel.fire(panel.arm(OPEN), 0)
+    later.work()
+    panel.settle(10 * MS)
+    panel.clear(0, 100 * MS)
+    later.work()
+    panel.settle(110 * MS)
+    with pytest.raises(FaultError, match="being changed: nothing to clear"):
+        panel.clear(0, 120 * MS)
+    assert panel.entries(0)[0].insertion.t_end_ns == 100 * MS + LEAD_NS
+
+
 def test_planned_faults_stand_on_the_panel():
     """Faults planned beforehand come first, and can be cleared."""
     panel = Panel(Script(CODES, CODEC, [parse_fault("rear_stroke:open@0.1")]))

@@ -162,10 +162,10 @@ def test_lap_shorter_than_the_insertion_time(mcu, changes):
 
 
 @pytest.mark.parametrize(
-    "fault", ["rear_stroke:melt", "tail:open", "rear_stroke:open@5", "rear_stroke:uncalibration:gain=x"]
+    "fault", ["rear_stroke:melt", "tail:open", "rear_stroke:open@5@7", "rear_stroke:uncalibration:gain=x"]
 )
 def test_unusable_fault(mcu, fault):
-    """A fault that could not be inserted, or carries a time of its own, is refused before any ride."""
+    """A fault that could not be inserted is refused before any ride."""
     with pytest.raises(FaultError):
         trials(mcu, faults={"bad": fault})
 
