@@ -4,6 +4,7 @@ Belongs here: the ECU's frames, decoded. Never: whether an alarm was right (verd
 """
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -40,7 +41,8 @@ class Answer(NamedTuple):
 class Watch:
     """Follows an ECU of `role` on the bus, one input cycle after the other.
 
-    An answer echoes the cycle's alive count; a cycle not answered when the next one is due is an overrun.
+    An answer echoes the cycle's alive count; a cycle not answered when the next one is due is an overrun, or
+    when the first one after patience_ns is.
     alarms: every alarm, in order of time. answers: every status frame, in order of time.
     step_cycles: CPU cycles of every step. missed_inputs, overruns: the ECU's own counts, less what they were
     in its first answer: an ECU that has been running for long is not to blame for an earlier run.
@@ -60,8 +62,8 @@ class Watch:
     unanswered_cycles: int = 0
     cycles: int = 0
     garbled: str | None = None
-    _alive: int | None = None
-    _sent_ns: int = 0
+    patience_ns: int = 0
+    _waiting: deque[tuple[int, int]] = field(default_factory=deque)
     _counts_before: tuple[int, int] | None = None
 
     OVERRUN = "ECU overrun"
@@ -77,27 +79,39 @@ class Watch:
     def cycle(
         self, t_ns: int, number: int | None = None, excused: Callable[[int], bool] | None = None
     ) -> str | None:
-        """The logger starts its next input cycle at `t_ns`: what was wrong with the last, if anything.
+        """The logger starts its next input cycle at `t_ns`: what was wrong with those before, if anything.
 
         number: the logger's count of it, where cycles may have been lost. excused: says of a cycle's instant
         whether it may go without an answer; such ones are counted in `unanswered_cycles`.
         """
-        failure = self.unanswered(t_ns)
-        if failure and excused and excused(self._sent_ns):
-            self.unanswered_cycles += 1
-            failure = None
+        failure = None
+        while self._waiting and self._waiting[0][1] + self.patience_ns <= t_ns:
+            if excused and excused(self._waiting[0][1]):
+                self.unanswered_cycles += 1
+            else:
+                failure = failure or self.unanswered(t_ns)
+            self._waiting.popleft()
         self.cycles = self.cycles + 1 if number is None else number + 1
-        self._sent_ns = t_ns
+        self._waiting.append((self.cycles - 1, t_ns))
         return failure
 
     def unanswered(self, t_ns: int) -> str | None:
-        """The complaint, if the last input cycle has no answer at `t_ns`."""
-        if self.cycles == 0 or self._alive == (self.cycles - 1) & 15:
+        """The complaint, if an input cycle has no answer at `t_ns`."""
+        if not self._waiting:
             return None
+        number, sent_ns = self._waiting[0]
         return (
-            f"{self.OVERRUN}: no answer to cycle {self.cycles - 1}, sent at {self._sent_ns / 1e9:.9g} s, "
+            f"{self.OVERRUN}: no answer to cycle {number}, sent at {sent_ns / 1e9:.9g} s, "
             f"by {t_ns / 1e9:.9g} s"
         )
+
+    def _answers(self, alive: int) -> None:
+        """Strike off the cycle whose count an answer echoes, and those before it: the ECU is past them."""
+        for k, (number, _) in enumerate(self._waiting):
+            if number & 15 == alive:
+                for _ in range(k + 1):
+                    self._waiting.popleft()
+                return
 
     def heard(self, frame: Frame, t_ns: int) -> None:
         """A frame that ended at `t_ns`; frames of other identifiers pass."""
@@ -111,7 +125,7 @@ class Watch:
             return
         values = self.codec.decode(message.name, frame.data)
         if message is self._status:
-            self._alive = int(values["alive"])
+            self._answers(int(values["alive"]))
             self.answered += 1
             self.answers.append(
                 Answer(t_ns, float(values["predicted_mm"]), float(values.get("residual_pct", math.nan)))
