@@ -186,9 +186,9 @@ class LiveRig:
         begun_ns = now_ns = self.now_ns
         while not self._bus.send(frame):
             self._refused += 1
-            if now_ns - begun_ns >= PATIENCE_NS * self.speed:
+            if self.failure or now_ns - begun_ns >= PATIENCE_NS * self.speed:
                 self._unsent += 1
-                self.failure = "frames were not sent"
+                self.failure = self.failure or "frames were not sent"
                 return
             self._listen(self.now_ns + int(RETRY_NS * self.speed))
             now_ns = self.now_ns
