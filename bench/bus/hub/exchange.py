@@ -39,6 +39,7 @@ class Member:
 class Exchange:
     """Members and what goes between them. paced: the bus that the frames go over.
 
+    told: how often the members have been told who holds them up, or that nobody does any more.
     clock: ns since 1970. epoch: the same at instant 0 of the caller's own clock, for what `paced` carries.
     """
 
@@ -57,6 +58,7 @@ class Exchange:
         self._queue_bytes = queue_bytes
         self._full: list[Member] = []
         self.members: list[Member] = []
+        self.told = 0
 
     @property
     def held_up(self) -> bool:
@@ -130,6 +132,7 @@ class Exchange:
                 self._tell(member.name)
 
     def _tell(self, name: str) -> None:
+        self.told += 1
         said = wire.notice(wire.HELD_UP, name)
         for member in self.members:
             if member.hears:

@@ -135,8 +135,11 @@ class Hub:
             if client is not None and events & _READ:
                 self._read(client, now_ns)
         self._exchange.run(now_ns)
-        for client in tuple(self._clients.values()):
-            self._settle(client, now_ns)
+        told = -1
+        while told != self._exchange.told:  # who was settled first may have heard of the last one's relief
+            told = self._exchange.told
+            for client in tuple(self._clients.values()):
+                self._settle(client, now_ns)
         greeted = any(client.member for client in self._clients.values())
         if greeted:
             self._alone_ns = None
