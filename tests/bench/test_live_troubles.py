@@ -124,7 +124,7 @@ def test_millisecond_cycles_have_a_control_period():
     assert late.failure == "the replay was late by 12.0 ms, a period is 10 ms"
     silent = Desk(answers=False)
     assert replayed(lap, silent).failure.startswith(
-        "ECU overrun: no answer to cycle 0, sent at 0 s, by 0.01 s"
+        "ECU overrun: no answer to cycle 0, sent at 0 s, by 0.009 s"
     )
 
 
