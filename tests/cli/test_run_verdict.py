@@ -139,7 +139,7 @@ def test_interrupted_run_writes_nothing(monkeypatch, lap, model, tmp_path):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("bench.run.ride", interrupted)
+    monkeypatch.setattr("bench.rig.Rig.finish", interrupted)
     words = ["run", lap, "--model", model(), "--json", tmp_path / "o.json", "--record", tmp_path / "o.log"]
     assert CliRunner().invoke(app, [str(word) for word in words]).exit_code == 130
     assert sorted(path.name for path in tmp_path.iterdir()) == ["lap.csv", "model.json"]
