@@ -51,6 +51,8 @@ BITRATE = 500_000
 LOOP, END = 0x20010000, 0x20012000
 """Two pages of SRAM: QEMU runs the one with a breakpoint in it an instruction at a time."""
 
+RAM, RAM_SIZE, PAGE, CPACR = 0x20000000, 0x4000, 0x400, 0xE000ED88
+
 # loop: mov r0, r4; blx r5; subs r6, #1; bne loop; bx r7
 LOOP_CODE = bytes.fromhex("2046 a847 013e fbd1 3847")
 END_CODE = bytes.fromhex("fee7")  # b .
@@ -84,14 +86,22 @@ def block_hook(callback: int | None) -> Iterator[None]:
 
 
 class Loop:
-    """The image behind `client`, about to call `ecu_step` as often as asked."""
+    """The image behind `client`, about to call `ecu_step` as often as asked.
 
-    def __init__(self, client: Client, cpu_s: Callable[[], float]) -> None:
+    booted: a machine whose start-up is over, to take the memory of; a clock that stands still starts nothing.
+    """
+
+    def __init__(self, client: Client, cpu_s: Callable[[], float], booted: Stm32f405 | None = None) -> None:
         self.client, self._cpu_s = client, cpu_s
         made = build()
         symbol = made.image.symbol
         state, back = symbol("state"), symbol("main")
-        client.run_to(back)
+        if booted:
+            for at in range(RAM, RAM + RAM_SIZE, PAGE):
+                client.write(at, booted.read_bytes(at, PAGE))
+            client.write(CPACR, struct.pack("<I", 0xF << 20))  # the FPU is on
+        else:
+            client.run_to(back)
         client.write(symbol("calibration_image"), made.calibration.image())
         arguments = (state, symbol("calibration_image"), symbol("calibration_room"), 0)
         assert client.call(symbol("ecu_init"), *arguments, back=back) == 0
@@ -116,8 +126,10 @@ class Loop:
 
 def ours(callback: int | None) -> Loop:
     """The loop on our machine with `callback` for a block hook."""
+    booted = Stm32f405(load(ELF["ifd"]))
+    connect(booted).run_to(booted.image.symbol("main"))
     with block_hook(callback):
-        return Loop(connect(Stm32f405(load(ELF["ifd"]))), time.process_time)
+        return Loop(connect(Stm32f405(load(ELF["ifd"]))), time.process_time, booted)
 
 
 def theirs(process: int, client: Client) -> Loop:

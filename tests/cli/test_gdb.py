@@ -64,7 +64,7 @@ def short(tmp_path):
 
 
 def turned_away(address) -> bool:
-    """Whether a second debugger gets no word: refused, or cut off if it came just before the door was shut."""
+    """Whether a second debugger gets no word: refused, or cut off if it came just before the door shut."""
     try:
         with socket.create_connection(address, timeout=PATIENCE_S) as second:
             return second.recv(1) == b""
