@@ -25,7 +25,8 @@ from rich.table import Table
 
 FAULT = "rear_stroke:open@{at}"
 LOGGED = ("100", "101", "102")
-MARGIN_S = 60
+MARGIN_S = 400
+"""For a process to start: a user-mode kernel takes minutes."""
 QUANTILES = (("p50", 50), ("p99", 99), ("max", 100))
 LINE = re.compile(r"\((\d+\.\d+)\) \S+ ([0-9A-F]+)#([0-9A-F]*)")
 
