@@ -71,7 +71,10 @@ class Panel:
         Raises FaultError for a fault this lap cannot have.
         """
         refuse_trigger(spec)
-        if not spec.on_bus and spec.sensor not in self._script.healthy.codes:
+        if spec.on_bus:
+            if lacking := self._script.now.frames.unsent.get(spec.sensor):
+                raise FaultError(f"{spec}: nothing is sent: the lap lacks {', '.join(lacking)}")
+        elif not self._script.healthy.codes.keys() >= {*spec.sensors}:
             raise FaultError(f"{spec}: the lap's sensors are {', '.join(self._script.healthy.codes)}")
         self._faults.append(_Fault(spec))
         return len(self._faults) - 1
@@ -115,10 +118,13 @@ class Panel:
         if self._planning and self._planning[0].done():
             future, since_ns, changed = self._planning
             self._planning = None
-            if isinstance(future.exception(), FaultError):
+            error = future.exception()
+            if isinstance(error, FaultError):
                 # The lap ended while it was planned: the request comes to nothing.
                 for number in changed:
                     self._faults[number].asked = None
+                if isinstance(self._executor, _InPlace):
+                    raise error
             elif self._script.follow(future.result(), since_ns):
                 for number, (place, spec) in changed.items():
                     self._faults[number] = _Fault(spec, place, cleared=self._faults[number].asked == "clear")
@@ -171,8 +177,10 @@ class Panel:
 def _changed(fault: _Fault, at_ns: int) -> FaultSpec:
     if fault.asked == "fire":
         return replace(fault.spec, t_cmd_ns=at_ns)
-    end_ns = max(at_ns, fault.spec.t_cmd_ns + 1)
-    return replace(fault.spec, duration_ns=end_ns - fault.spec.t_cmd_ns)
+    duration_ns = max(at_ns - fault.spec.t_cmd_ns, 1)
+    if fault.spec.duration_ns is not None:  # it may end by itself before that
+        duration_ns = min(duration_ns, fault.spec.duration_ns)
+    return replace(fault.spec, duration_ns=duration_ns)
 
 
 class _InPlace(Executor):

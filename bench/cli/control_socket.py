@@ -76,15 +76,18 @@ class ControlSocket:
     def _serve(self, connection: socket.socket, pending: bytearray, t_ns: int) -> None:
         try:
             data = connection.recv(self._longest)
-            pending += data
-            while b"\n" in pending:
-                line, _, rest = bytes(pending).partition(b"\n")
-                pending[:] = rest
-                connection.sendall(self._reply(line, t_ns) + b"\n")
         except BlockingIOError:
             return
         except OSError:
             data = b""
+        pending += data
+        while b"\n" in pending:
+            line, _, rest = bytes(pending).partition(b"\n")
+            pending[:] = rest
+            try:
+                connection.sendall(self._reply(line, t_ns) + b"\n")
+            except OSError:  # gone, or asking without reading what it is told
+                data = b""
         if not data or len(pending) >= self._longest:
             connection.close()
             del self._clients[connection]

@@ -77,7 +77,7 @@ def _insert(codes: Codes, spec: FaultSpec) -> tuple[dict[str, NDArray[np.int32]]
     if not isinstance(kind, SensorKind):
         raise FaultError(f"{spec}: acts on the bus, not on a sensor")
     params = dict(spec.params)
-    sensors = (spec.sensor, *kind.also(spec.sensor, params))
+    sensors = spec.sensors
     for sensor in sensors:
         if sensor not in codes.codes:
             channel = TRANSDUCERS[sensor].channel

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from bench.errors import FaultError
-from bench.faults.kind import BusKind, Choice, Number, Value
+from bench.faults.kind import BusKind, Choice, Number, SensorKind, Value
 from bench.faults.kinds import KINDS
 from bench.faults.places import BUS, SENSORS, WHERE, messages, places
 from bench.faults.trigger import Trigger, When, parse_trigger
@@ -64,6 +64,14 @@ class FaultSpec:
     def on_bus(self) -> bool:
         """Whether it acts on frames instead of a sensor's codes."""
         return isinstance(KINDS[self.kind], BusKind)
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Every sensor whose codes it changes; none for a fault of the bus."""
+        kind = KINDS[self.kind]
+        return (
+            (self.sensor, *kind.also(self.sensor, dict(self.params))) if isinstance(kind, SensorKind) else ()
+        )
 
     @property
     def resolved(self) -> bool:

@@ -103,6 +103,26 @@ def test_clearing_again_puts_nothing_off(script):
     assert panel.entries(0)[0].insertion.t_end_ns == 100 * MS + LEAD_NS
 
 
+def test_clearing_does_not_prolong(script):
+    """A fault that ends by itself before the clearing would act keeps its end."""
+    later = Later()
+    panel = Panel(script, later)
+    panel.fire(panel.arm(parse_fault("rear_stroke:open@0+0.12")), 0)
+    later.work()
+    panel.settle(10 * MS)
+    panel.clear(0, 150 * MS)
+    later.work()
+    panel.settle(160 * MS)
+    assert panel.entries(0)[0].insertion.t_end_ns == LEAD_NS + 120 * MS
+
+
+def test_message_that_is_not_sent():
+    """A fault of a message that this lap cannot fill is refused when it is armed."""
+    panel = Panel(Script(acquire(wavy_lap(0.2, names=("fork_stroke_mm", "rear_stroke_mm"))), CODEC))
+    with pytest.raises(FaultError, match="nothing is sent: the lap lacks pitch_rate_dps, speed_kmh"):
+        panel.arm(parse_fault("MOTION:frame_loss@0"))
+
+
 def test_planned_faults_stand_on_the_panel():
     """Faults planned beforehand come first, and can be cleared."""
     panel = Panel(Script(CODES, CODEC, [parse_fault("rear_stroke:open@0.1")]))
