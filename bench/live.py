@@ -28,8 +28,8 @@ DRAIN_NS = 20_000_000
 """How long the answer to the last cycle is waited for."""
 
 CONTROL_NS = 10_000_000
-"""The control loop's period (section III.2). A replay late by that much proves nothing; where messages come
-more often, answers have as long, for no operating system keeps every millisecond."""
+"""The control loop's period (section III.2): how late a frame or an answer may be, unless the user says so.
+Where messages come more often, answers have as long, for no operating system keeps every millisecond."""
 
 TICK_NS = 5_000_000
 """How often, at most, those who attend a replay are given a turn."""
@@ -75,6 +75,12 @@ class Replay:
         """Of all frames, 0 without any."""
         return int(self.late_ns.max(initial=0))
 
+    def worst_late_within(self, since_ns: int, until_ns: int) -> int:
+        """Of the frames that left from `since_ns` to `until_ns`, bench time."""
+        left_ns = np.array([t_ns for t_ns, _, node in self.frames if node == NODE], dtype=np.int64)
+        late_ns = self.late_ns[(left_ns >= since_ns) & (left_ns <= until_ns)]
+        return int(late_ns.max(initial=0))
+
     @property
     def mean_late_ns(self) -> float:
         """Of all frames, 0 without any."""
@@ -87,7 +93,8 @@ class LiveRig:
     watch: follows the ECU's answers, None where none is expected; an ECU that stops answering ends the
     replay. progress is called with the bench time reached, ns, about once a second of it. attend: called with
     the bench time after a cycle's frames have left, at most every TICK_NS; must not block. speed: bench time
-    over wall time. Time starts with the first step. now_ns: the instant reached.
+    over wall time. late_limit_ns: a frame or an answer so late, or by a longer cycle, makes the run one that
+    proves nothing. Time starts with the first step. now_ns: the instant reached.
     """
 
     def __init__(
@@ -99,6 +106,7 @@ class LiveRig:
         clock: Callable[[], int] = time.monotonic_ns,
         attend: Sequence[Callable[[int], None]] = (),
         speed: float = 1.0,
+        late_limit_ns: int = CONTROL_NS,
     ) -> None:
         self._source, self._bus, self._watch, self._progress = source, bus, watch, progress
         self._clock, self._attend, self.speed = clock, attend, speed
@@ -109,7 +117,7 @@ class LiveRig:
         self._begun_ns: int | None = None  # a cycle sent, whose predecessor has not been judged yet
         self._number = -1  # the last cycle begun
         self._own: deque[Frame] = deque(maxlen=64)
-        self._limit_ns = max(CONTROL_NS, source.cycle_ns)
+        self._limit_ns = max(late_limit_ns, source.cycle_ns)
         if watch:
             watch.patience_ns = self._limit_ns - source.cycle_ns
         codec = watch.codec if watch else Codec()
@@ -158,7 +166,7 @@ class LiveRig:
         failure, worst, limit_ns = self.failure, int(late.max(initial=0)), self._limit_ns / self.speed
         if worst >= limit_ns:
             # Said first: an answer that seems to be missing may be the bench's own lateness.
-            failure = f"the replay was late by {worst / 1e6:.1f} ms, a period is {limit_ns / 1e6:g} ms"
+            failure = f"the replay was late by {worst / 1e6:.1f} ms, the limit is {limit_ns / 1e6:g} ms"
         if self._unsent:
             failure = f"{self._unsent} frames were not sent: the interface's queue stayed full"
         frames = sorted(self.frames, key=lambda row: row[0])
@@ -166,47 +174,52 @@ class LiveRig:
 
     def _cycle(self, due_ns: int) -> None:
         # Nothing stands between the instant and the frames: judging and drawing wait until they are out.
-        now, number = self.now_ns, self._source.next_cycle
+        begun_ns = now_ns = self.now_ns
+        number = self._source.next_cycle
         while (frame := self._source.take(due_ns)) is not None:
-            self._send(due_ns, frame)
+            now_ns = self._send(due_ns, frame, now_ns)
             number = max(number, self._source.next_cycle if self._source.next_ns == due_ns else -1)
         if number > self._number:
             self._settle()
-            self._begun_ns, self._number = now, number
-        if now - self._ticked_ns >= TICK_NS:
-            self._ticked_ns = now
+            self._begun_ns, self._number = begun_ns, number
+        if begun_ns - self._ticked_ns >= TICK_NS:
+            self._ticked_ns = begun_ns
             for turn in self._attend:
-                turn(now)
+                turn(begun_ns)
         if self._progress and due_ns - self._told_ns >= 1_000_000_000:
             self._told_ns = due_ns
             self._progress(due_ns)
 
-    def _send(self, due_ns: int, frame: Frame) -> None:
-        """Hand `frame` to the bus, again and again while that has no room."""
-        begun_ns = now_ns = self.now_ns
+    def _send(self, due_ns: int, frame: Frame, now_ns: int) -> int:
+        """Hand `frame` to the bus, again and again while that has no room; when it was done."""
+        begun_ns = now_ns
         while not self._bus.send(frame):
             self._refused += 1
             if self.failure or now_ns - begun_ns >= PATIENCE_NS * self.speed:
                 self._unsent += 1
                 self.failure = self.failure or "frames were not sent"
-                return
+                return now_ns
             self._listen(self.now_ns + int(RETRY_NS * self.speed))
             now_ns = self.now_ns
         self._late.append(int((now_ns - due_ns) / self.speed))
         self._own.append(frame)
-        self.frames.append((self.now_ns, frame, NODE))
+        sent_ns = self.now_ns
+        self.frames.append((sent_ns, frame, NODE))
+        return sent_ns
 
     def _listen(self, until_ns: int) -> None:
         """Read what comes until `until_ns`, or until an answer is found missing."""
-        while not self.failure and (left := until_ns - self.now_ns) > 0:
+        now_ns = self.now_ns
+        while not self.failure and (left := until_ns - now_ns) > 0:
             heard = self._bus.receive(min(left / self.speed / 1e9, 0.5))
+            now_ns = self.now_ns
             if heard is None:
                 self._settle()
                 continue
             if heard.frame.id in self._logged and not heard.frame.extended:
                 self._logger(heard.frame)
                 continue
-            t_ns = max(self.now_ns - int(heard.age_ns * self.speed), 0)
+            t_ns = max(now_ns - int(heard.age_ns * self.speed), 0)
             if self._begun_ns is not None and t_ns >= self._begun_ns:
                 self._settle()
             self.frames.append((t_ns, heard.frame, self._watch.role if self._watch else "heard"))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from bench.codec import Codec
 from bench.errors import BusError
-from bench.live import Bus
+from bench.live import CONTROL_NS, Bus
 from bench.mdlog.logger import NODE
 from targets.ecu import Ecu, Frame
 
@@ -27,18 +27,16 @@ A step and its answer take less; three frames a millisecond, the bus's most, put
 SEND_S = 1.0
 """How long a frame of the ECU may wait for room in the interface's queue."""
 
-BEHIND_NS = 10_000_000
-"""An ECU that lags behind the clock by so much, a control period, does not keep up."""
-
 
 @dataclass
 class Served:
     """How an ECU fared on a live bus.
 
-    sent: frames it sent. lasted_ns: how long it was there. behind: how often its time lagged BEHIND_NS or
-    more behind the clock. worst_behind_ns: the longest lag.
+    limit_ns: by how much its time may lag behind the clock before it does not keep up. sent: frames it sent.
+    lasted_ns: how long it was there. behind: how often it did not keep up. worst_behind_ns: the longest lag.
     """
 
+    limit_ns: int = CONTROL_NS
     sent: int = 0
     lasted_ns: int = 0
     behind: int = 0
@@ -47,7 +45,16 @@ class Served:
     def lag(self, ns: int) -> None:
         """Its time was `ns` behind the clock."""
         self.worst_behind_ns = max(self.worst_behind_ns, ns)
-        self.behind += ns >= BEHIND_NS
+        self.behind += ns >= self.limit_ns
+
+    def complaint(self) -> str | None:
+        """What it says if it did not keep up."""
+        if not self.behind:
+            return None
+        return (
+            f"did not keep up: {self.behind} times {self.limit_ns / 1e6:g} ms or more behind, "
+            f"{self.worst_behind_ns / 1e6:.1f} ms at worst"
+        )
 
 
 def serve(
@@ -104,5 +111,5 @@ def rehearse(ecu: Ecu) -> None:
     for message in Codec().messages():
         if NODE in message.senders:
             ecu.receive(Frame(message.id, bytes(message.length), message.extended), 0)
-    while (request := ecu.advance(BEHIND_NS)) is not None:
+    while (request := ecu.advance(CONTROL_NS)) is not None:
         ecu.sent(request.handle, request.t_ns)

@@ -5,7 +5,17 @@ from typing import Annotated
 
 import typer
 
-from bench.cli.options import Bitrate, BusName, Elf, Host, Model, build_ecu
+from bench.cli.options import (
+    LATE_LIMIT_MS,
+    Bitrate,
+    BusName,
+    Elf,
+    Host,
+    LateLimit,
+    Model,
+    build_ecu,
+    ms_to_ns,
+)
 from bench.cli.stop import stoppable
 
 
@@ -16,17 +26,18 @@ def ecu(
     on: Host = "mcu",
     model: Model = None,
     elf: Elf = None,
+    late_limit: LateLimit = LATE_LIMIT_MS,
     seconds: Annotated[
         float | None, typer.Option(min=0, help="Stop after so long.  [default: Ctrl-C]")
     ] = None,
 ) -> None:
     """Put an ECU on a live CAN bus, in wall time, until Ctrl-C."""
     from bench.bus.live import LiveBus
-    from bench.serve import BEHIND_NS, Served, rehearse, serve
+    from bench.serve import Served, rehearse, serve
 
     build = build_ecu(name, on, model, elf)
     device = build.power_on()
-    served = Served()
+    served = Served(ms_to_ns(late_limit))
     with LiveBus(bus, bitrate) as live, stoppable(), suppress(KeyboardInterrupt):
         rehearse(build.power_on())
         serve(
@@ -41,5 +52,5 @@ def ecu(
         f"{served.worst_behind_ns / 1e6:.2f} ms at worst",
         err=True,
     )
-    if served.behind:
-        typer.echo(f"did not keep up: {served.behind} times {BEHIND_NS / 1e6:g} ms or more behind", err=True)
+    if complaint := served.complaint():
+        typer.echo(complaint, err=True)

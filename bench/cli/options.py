@@ -52,10 +52,21 @@ BusName = Annotated[
 
 Bitrate = Annotated[int, typer.Option(min=10_000, max=1_000_000, help="Of the bus, bit/s.")]
 
+LateLimit = Annotated[
+    float,
+    typer.Option(metavar="MS", min=0.1, max=1000, help="So late is too late; a control period is 10."),
+]
+LATE_LIMIT_MS = 10.0
+
 Rate = Annotated[
     int | None,
     typer.Option(metavar="HZ", min=1, max=1000, help="Of every message.  [default: the DBC's, 100 Hz]"),
 ]
+
+
+def ms_to_ns(ms: float) -> int:
+    """Milliseconds as an option gives them, in whole nanoseconds."""
+    return round(ms * 1e6)
 
 
 def json_of(what: str) -> Any:

@@ -7,15 +7,18 @@ import typer
 
 from bench.cli.ground_options import AllowInject, InjectFrom, Mavlink, SessionOut, Tlog, write_session
 from bench.cli.options import (
+    LATE_LIMIT_MS,
     Bitrate,
     BusName,
     Faults,
+    LateLimit,
     Map,
     Rate,
     Repair,
     SensorSeed,
     SensorsName,
     json_of,
+    ms_to_ns,
     open_lap,
     write_json,
 )
@@ -37,6 +40,7 @@ def replay(
     bitrate: Bitrate = 500_000,
     rate: Rate = None,
     speed: Annotated[float, typer.Option(min=0.01, max=100, help="Bench time over the wall's.")] = 1.0,
+    late_limit: LateLimit = LATE_LIMIT_MS,
     loop: Annotated[int, typer.Option(min=1, help="How often the lap is ridden, end to end.")] = 1,
     from_s: Annotated[
         float, typer.Option("--from", metavar="S", min=0, help="Begin there; other times count from it.")
@@ -101,7 +105,9 @@ def replay(
         lap_progress(script.last_ns) as tell,
         attending(bus, script, ground.joining(watch, bitrate, speed)) as attendants,
     ):
-        rig = LiveRig(script, live, watch, tell, attend=attendants, speed=speed)
+        rig = LiveRig(
+            script, live, watch, tell, attend=attendants, speed=speed, late_limit_ns=ms_to_ns(late_limit)
+        )
         ground.follow(rig.frames)
         try:
             rig.finish()
@@ -177,5 +183,10 @@ def _judged(
     for name in ("t_active", "t_alarm", "td"):
         value = getattr(verdict, f"{name}_ns")
         result[f"{name}_s"] = None if value is None else value / 1e9
-    say(f"[bold]{verdict.outcome}[/]  {escape(verdict.reason)}")
+    result["td_late_ms"] = None
+    remark = ""
+    if verdict.td_ns is not None and verdict.t_active_ns is not None and verdict.t_alarm_ns is not None:
+        result["td_late_ms"] = done.worst_late_within(verdict.t_active_ns, verdict.t_alarm_ns) / 1e6
+        remark = f"; the bench was late by at most {result['td_late_ms']:.2f} ms meanwhile"
+    say(f"[bold]{verdict.outcome}[/]  {escape(verdict.reason)}{remark}")
     return result, verdict.outcome.passed

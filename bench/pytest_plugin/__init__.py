@@ -46,6 +46,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
     group.addoption("--bench-bitrate", metavar="N", type=int, default=500_000, help="Of the bus, bit/s.")
     group.addoption(
+        "--bench-late-limit",
+        metavar="MS",
+        type=float,
+        default=10.0,
+        help="In wall time: a frame or an answer so late fails the test; default: a control period, 10.",
+    )
+    group.addoption(
         "--bench-ecu",
         choices=PLACES,
         default="emulated",
@@ -67,6 +74,10 @@ def pytest_configure(config: pytest.Config) -> None:
         raise pytest.UsageError("--bench-ecu real: a real ECU needs --bench-bus IFACE[:CHANNEL]")
     if live is not None and config.getoption("numprocesses", None):
         raise pytest.UsageError(f"--bench-bus {live}: a bus has one data logger; leave out -n")
+    if not 0.1 <= config.getoption("--bench-late-limit") <= 1000:
+        raise pytest.UsageError(
+            f"--bench-late-limit {config.getoption('--bench-late-limit')}: not from 0.1 to 1000 ms"
+        )
     if not 10_000 <= config.getoption("--bench-bitrate") <= 1_000_000:
         raise pytest.UsageError(
             f"--bench-bitrate {config.getoption('--bench-bitrate')}: not from 10000 to 1000000 bit/s"

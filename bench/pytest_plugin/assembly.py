@@ -107,14 +107,15 @@ def _made(item: pytest.Item, lap: Lap, stack: ExitStack) -> Bench:
     from bench.live import LiveRig
     from bench.pytest_plugin.attached import attached
 
+    limit_ns = round(options("--bench-late-limit") * 1e6)
     live = stack.enter_context(LiveBus(name, bitrate))
     executor = stack.enter_context(ThreadPoolExecutor(1, "planner"))
     if fitted.build:
         if fitted.place == "emulated":
             fitted.hz = _hz(fitted.build.power_on(bitrate))
-        stack.enter_context(attached(fitted.build, name, bitrate, fitted.complaints))
+        stack.enter_context(attached(fitted.build, name, bitrate, limit_ns, fitted.complaints))
     panel = Panel(script, executor)
-    rig = LiveRig(script, live, watch, attend=[panel.settle])
+    rig = LiveRig(script, live, watch, attend=[panel.settle], late_limit_ns=limit_ns)
     return Bench(lap, script, watch, rig, panel, fitted, bitrate, executor)
 
 

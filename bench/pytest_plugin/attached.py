@@ -15,7 +15,7 @@ from tempfile import NamedTemporaryFile
 
 from bench.bus.live import Heard, LiveBus
 from bench.errors import BenchError, BusError
-from bench.serve import BEHIND_NS, Served, rehearse, serve
+from bench.serve import Served, rehearse, serve
 from targets.calibration import dumps
 from targets.ecu import Frame
 from targets.ecus import Build
@@ -35,18 +35,20 @@ _COMPLAINTS = ("bench: ", "did not keep up")
 
 
 @contextmanager
-def attached(build: Build, bus: str, bitrate: int, complaints: list[str]) -> Iterator[None]:
+def attached(build: Build, bus: str, bitrate: int, limit_ns: int, complaints: list[str]) -> Iterator[None]:
     """An ECU of `build` on `bus` for the block; what it complains of at its end joins `complaints`.
+
+    limit_ns: by how much it may lag behind the clock.
 
     Raises BusError if it does not get ready.
     """
     here = bus.partition(":")[0] == WITHIN_PROCESS
-    with (_thread if here else _process)(build, bus, bitrate, complaints):
+    with (_thread if here else _process)(build, bus, bitrate, limit_ns, complaints):
         yield
 
 
 @contextmanager
-def _process(build: Build, bus: str, bitrate: int, complaints: list[str]) -> Iterator[None]:
+def _process(build: Build, bus: str, bitrate: int, limit_ns: int, complaints: list[str]) -> Iterator[None]:
     with NamedTemporaryFile("w", suffix=".json", encoding="utf-8") as model:
         model.write(dumps(build.calibration))
         model.flush()
@@ -60,6 +62,8 @@ def _process(build: Build, bus: str, bitrate: int, complaints: list[str]) -> Ite
             build.host,
             "--model",
             model.name,
+            "--late-limit",
+            str(limit_ns / 1e6),
         ]
         if build.host == "mcu":
             words += ["--elf", build.image.source]
@@ -136,8 +140,8 @@ class _Until:
 
 
 @contextmanager
-def _thread(build: Build, bus: str, bitrate: int, complaints: list[str]) -> Iterator[None]:
-    ready, over, served = threading.Event(), threading.Event(), Served()
+def _thread(build: Build, bus: str, bitrate: int, limit_ns: int, complaints: list[str]) -> Iterator[None]:
+    ready, over, served = threading.Event(), threading.Event(), Served(limit_ns)
     rehearse(build.power_on(bitrate))
     device = build.power_on(bitrate)
     failed: list[str] = []
@@ -163,9 +167,5 @@ def _thread(build: Build, bus: str, bitrate: int, complaints: list[str]) -> Iter
             thread.join()
             gc.unfreeze()  # an ECU freezes what its process has imported; this process goes on
     complaints += failed
-    if served.behind:
-        worst_ms, limit_ms = served.worst_behind_ns / 1e6, BEHIND_NS / 1e6
-        complaints.append(
-            f"ecu {build.role}: did not keep up: {served.behind} times {limit_ms:g} ms or more behind, "
-            f"{worst_ms:.1f} ms at worst"
-        )
+    if complaint := served.complaint():
+        complaints.append(f"ecu {build.role}: {complaint}")

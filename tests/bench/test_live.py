@@ -177,7 +177,16 @@ def test_answer_that_came_late_is_not(frames):
 def test_late_by_a_period(frames):
     """A replay late by a period is no verdict on the ECU: that is the failure, before any overrun."""
     done, _ = replayed(frames, Desk(pauses={51 * MS: 30 * MS}, stamps=False))
-    assert done.failure == "the replay was late by 21.0 ms, a period is 10 ms"
+    assert done.failure == "the replay was late by 21.0 ms, the limit is 10 ms"
+
+
+def test_late_limit(frames):
+    """Who allows for more lateness than a control period has a verdict, and is told how late it was when."""
+    desk = Desk(pauses={51 * MS: 20 * MS}, stamps=False)
+    done, _ = replayed(frames, desk, late_limit_ns=30 * MS)
+    assert (done.failure, done.worst_late_ns) == (None, 11 * MS)
+    assert done.worst_late_within(0, 50 * MS) == 0
+    assert done.worst_late_within(50 * MS, 200 * MS) == 11 * MS
 
 
 def test_storm_does_not_make_it_late(frames):

@@ -121,7 +121,7 @@ def test_millisecond_cycles_have_a_control_period():
     lap = schedule(acquire(wavy_lap(0.2)), CODEC, 1000)
     assert replayed(lap, Desk(pauses={51 * MS: 4 * MS})).failure is None
     late = replayed(lap, Desk(pauses={51 * MS: 12 * MS}))
-    assert late.failure == "the replay was late by 12.0 ms, a period is 10 ms"
+    assert late.failure == "the replay was late by 12.0 ms, the limit is 10 ms"
     silent = Desk(answers=False)
     assert replayed(lap, silent).failure.startswith(
         "ECU overrun: no answer to cycle 0, sent at 0 s, by 0.009 s"

@@ -83,6 +83,7 @@ def test_bad_markers(suite, marker, said):
     [
         (["--bench-ecu", "real"], "ERROR: --bench-ecu real: a real ECU needs --bench-bus IFACE[[]:CHANNEL]"),
         (["--bench-ecu", "toaster"], "*--bench-ecu: invalid choice: 'toaster'*"),
+        (["--bench-late-limit", "0"], "ERROR: --bench-late-limit 0.0: not from 0.1 to 1000 ms"),
         (["--bench-bitrate", "1"], "ERROR: --bench-bitrate 1: not from 10000 to 1000000 bit/s"),
     ],
 )

@@ -103,7 +103,7 @@ def stand_in(tmp_path, monkeypatch):
 
         monkeypatch.setattr(attached.subprocess, "Popen", instead)
         complaints = []
-        with attached.attached(build(), "socketcan:vcan0", 500_000, complaints):
+        with attached.attached(build(), "socketcan:vcan0", 500_000, 10**7, complaints):
             pass
         return complaints
 
