@@ -20,7 +20,7 @@ import pytest
 from bench.bus.hub.client import HubBus
 from bench.bus.live import LiveBus
 from targets.ecu import Frame
-from tests.hil.test_live_pair import FLAGS, launcher
+from tests.hil.test_live_rides import FLAGS, launcher
 
 ROOT = Path(__file__).resolve().parents[2]
 KERNEL_HAS_CAN = FLAGS.exists() and int(FLAGS.read_text(), 16) & 1

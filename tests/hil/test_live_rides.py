@@ -1,4 +1,7 @@
-"""The live pair on a real SocketCAN interface: the kernel's own, or one of a kernel brought up for it."""
+"""Logger, two ECUs and recorders as processes: on a real SocketCAN interface, and on a hub without one.
+
+The interface is the kernel's own, or one of a kernel brought up for it.
+"""
 
 import json
 import os
@@ -24,14 +27,13 @@ from tests.conftest import wavy_lap
 HERE = Path(__file__).parent
 WITH_VCAN = HERE.parents[2] / "shared" / "tools" / "with-vcan"
 FLAGS = Path("/sys/class/net/vcan0/flags")
-FAULTS = {"ifd": ["rear_stroke:short@1.5"], "soft_sensor": []}
+FAULT = "rear_stroke:short@1.5"
 STATUS = {"ifd": 0x200, "soft_sensor": 0x210}
+CHANNEL = "rides"
 SECONDS = 2.5
 
 BUSY = 0.3
 """Where processes wait for a processor for this share of the time, a run that was late proves nothing."""
-
-pytestmark = pytest.mark.vcan
 
 
 def launcher() -> list[str]:
@@ -68,13 +70,15 @@ def waited_s() -> float:
 class Ridden(NamedTuple):
     """A finished scenario: its folder, each role's status payloads in virtual time, how long work waited.
 
-    guest: whether vcan0 was in a user-mode kernel, which promises nobody to be on time.
+    guest: whether vcan0 was in a user-mode kernel, which promises nobody to be on time. kernel: whether the
+    bus was the kernel's.
     """
 
     folder: Path
     virtual: dict[str, list[str]]
     waited: float
     guest: bool
+    kernel: bool
 
     def result(self, role):
         """The replay's document; skips if it proves nothing, and other work is to blame."""
@@ -87,14 +91,28 @@ class Ridden(NamedTuple):
             pytest.skip(f"no real time in a user-mode kernel: {result['reason']}")
         return result
 
-    def heard(self, role):
-        """The status payloads in the replay's recording."""
-        return re.findall(rf" {STATUS[role]:03X}#(\S+)", (self.folder / f"{role}.log").read_text())
+    def heard(self, role, ride="ifd"):
+        """The status payloads of one ECU in the recording of a replay."""
+        return re.findall(rf" {STATUS[role]:03X}#(\S+)", (self.folder / f"{ride}.log").read_text())
 
 
-@pytest.fixture(scope="module")
-def ridden(tmp_path_factory, calibration):
-    words = launcher()
+def on_vcan():
+    """The words that bring a command to vcan0, and the bus there."""
+    return launcher(), "socketcan:vcan0"
+
+
+def on_hub():
+    """As `on_vcan`, on a bus of this user's own."""
+    return [], f"strokebench:{CHANNEL}"
+
+
+VCAN = pytest.param(on_vcan, marks=pytest.mark.vcan)
+ON_VCAN = pytest.mark.parametrize("ridden", [VCAN], indirect=True)
+
+
+@pytest.fixture(scope="module", params=[VCAN, on_hub])
+def ridden(request, tmp_path_factory, calibration):
+    words, bus = request.param()
     folder = tmp_path_factory.mktemp("live")
     lap = wavy_lap(SECONDS)
     write_lap(lap, folder / "lap.csv")
@@ -104,10 +122,10 @@ def ridden(tmp_path_factory, calibration):
     virtual = {}
     for role in ROLES:
         ecu = build(role, calibration=folder / "model.json").power_on()
-        instruments = load_sensors("datasheet")
-        done = run_lap(lap, ecu, map(parse_fault, FAULTS[role]), sensors=instruments)
+        done = run_lap(lap, ecu, [parse_fault(FAULT)], sensors=load_sensors("datasheet"))
         virtual[role] = [d.frame.data.hex().upper() for d in done.ride.frames if d.frame.id == STATUS[role]]
-    command = [*words, sys.executable, str(HERE / "live_pair.py"), str(folder), *(["own"] if words else [])]
+    own = ["own"] if words else []
+    command = [*words, sys.executable, str(HERE / "live_rides.py"), str(folder), bus, *own]
     environment = {**os.environ, "WITH_VCAN_MEM": "1G"}
     begun, waited = time.monotonic(), waited_s()
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
@@ -115,7 +133,7 @@ def ridden(tmp_path_factory, calibration):
     if words and done.returncode in (125, 126):
         pytest.skip(f"with-vcan: {done.stderr.strip()[-200:]}")
     assert done.returncode == 0, done.stderr
-    return Ridden(folder, virtual, share, bool(words))
+    return Ridden(folder, virtual, share, bool(words), request.param is on_vcan)
 
 
 @pytest.fixture(scope="module")
@@ -130,18 +148,34 @@ EACH = pytest.mark.parametrize("role", ROLES)
 def test_verdict(ridden, report, role):
     """Every cycle is answered in its period; the fault is found where one acts, the healthy lap is OK."""
     result = ridden.result(role)
-    assert (result["outcome"], report[role]["replay"]["code"]) == ("CD" if FAULTS[role] else "OK", 0), result
-    assert (result["answers"], result["frames_heard"]) == (100 * SECONDS, 200 * SECONDS)
-    assert ridden.heard(role) == ridden.virtual[role]
+    assert (result["outcome"], report[role]["replay"]["code"]) == ("CD" if role == "ifd" else "OK", 0), result
+    assert (result["answers"], result["frames_heard"]) == (100 * SECONDS, 400 * SECONDS)
 
 
 @EACH
 def test_status_frames_of_the_virtual_run(ridden, report, role):
-    """What the ECU says in wall time is what it says in virtual time, byte for byte and in order."""
+    """What each of two ECUs says in wall time is what it says in virtual time, byte for byte and in order."""
     heard = ridden.heard(role)
     assert heard
     assert heard == ridden.virtual[role][: len(heard)]
-    assert report[role]["replay"]["err"] == ""
+    assert report["ifd"]["replay"]["err"] == ""
+
+
+def test_nothing_is_lost(ridden, report):
+    """The monitor's recording, and candump's, hold every frame that was sent, and nothing else."""
+    sent = sum(
+        json.loads((ridden.folder / f"{role}.json").read_text())[name]
+        for role in ROLES
+        for name in ("frames_sent", "frames_heard")
+    )
+    recorded = (ridden.folder / "monitor.log").read_text().splitlines()
+    assert len(recorded) == sent
+    dumped = ridden.folder / "candump.log"
+    if dumped.exists():
+        assert [line.split()[2] for line in dumped.read_text().splitlines()] == [
+            line.split()[2] for line in recorded
+        ]
+    assert ridden.kernel or not dumped.exists()
 
 
 @EACH
@@ -158,33 +192,39 @@ def test_time_to_detect(ridden):
     result = ridden.result("ifd")
     assert result["t_active_s"] == 1.5
     assert result["td_s"] == pytest.approx(0.391, abs=0.02)
+    assert 0 <= result["td_late_ms"] <= result["late_ms"]["worst"]
 
 
 @EACH
-def test_ecu_says_when_it_is_ready(report, role):
+def test_ecu_says_when_it_is_ready(ridden, report, role):
     """The ECU's first line says on which bus it lives, and where it runs."""
     on = "host" if library() else "mcu"
-    assert report[role]["ready"] == f"ecu {role} on socketcan:vcan0, running on {on}; Ctrl-C ends it\n"
+    bus = "socketcan:vcan0" if ridden.kernel else f"strokebench:{CHANNEL}"
+    assert report[role]["ready"] == f"ecu {role} on {bus}, running on {on}; Ctrl-C ends it\n"
 
 
 def test_signals_end_the_ecu(report):
     """SIGINT, and SIGTERM where the bus stays up, end the ECU with exit code 0 and how it fared."""
-    stopped = ["ifd"] if report["own"] else ["ifd", "soft_sensor"]
-    for role in stopped:
+    for role in ["ifd"] if report["own"] else ROLES:
         ecu = report[role]["ecu"]
         assert (ecu["code"], ecu["out"]) == (0, "")
         assert re.match(r"\d+ frames sent in [\d.]+ s; behind the clock by [\d.]+ ms at worst\n", ecu["err"])
 
 
-def test_bus_taken_down(report):
-    """An interface taken down under the ECU is one line and exit code 2."""
+@ON_VCAN
+def test_bus_taken_down(ridden, report):
+    """An interface taken down under an ECU and a monitor is one line and exit code 2 for each."""
     if not report["own"]:
         pytest.skip("vcan0 is not this test's to take down")
-    ecu = report["soft_sensor"]["ecu"]
-    assert ecu["code"] == 2
-    assert re.fullmatch(r"bench: bus: socketcan:vcan0: cannot receive: .*[Nn]etwork is down.*\n", ecu["err"])
+    for fared in (report["soft_sensor"]["ecu"], report["monitor"]):
+        assert fared["code"] == 2
+        line = fared["err"].splitlines()[-1]
+        assert re.fullmatch(r"bench: bus: socketcan:vcan0: cannot receive: .*[Nn]etwork is down.*", line), (
+            fared
+        )
 
 
-def test_interface_that_does_not_exist(report):
+@ON_VCAN
+def test_interface_that_does_not_exist(ridden, report):
     """Where the kernel has CAN, an interface it does not have is one line."""
     assert re.fullmatch(r"socketcan:vcan99: cannot be opened: .*No such device.*", report["absent"])
