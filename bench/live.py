@@ -118,6 +118,7 @@ class LiveRig:
         self._number = -1  # the last cycle begun
         self._own: deque[Frame] = deque(maxlen=64)
         self._limit_ns = max(late_limit_ns, source.cycle_ns)
+        self._drain_ns = max(int(DRAIN_NS * max(speed, 1.0)), self._limit_ns)
         if watch:
             watch.patience_ns = self._limit_ns - source.cycle_ns
         codec = watch.codec if watch else Codec()
@@ -134,7 +135,7 @@ class LiveRig:
     @property
     def end_ns(self) -> int:
         """When the last answer should have been heard."""
-        return self._source.last_ns + int(DRAIN_NS * max(self.speed, 1.0))
+        return self._source.last_ns + self._drain_ns
 
     def advance(self, until_ns: int) -> None:
         """Replay what is due by `until_ns` and listen until then, or to where the replay fails."""
@@ -155,7 +156,7 @@ class LiveRig:
     def finish(self) -> None:
         """Go on to the end of the lap, and wait for the answer to its last cycle."""
         self.advance(self._source.last_ns)
-        self.advance(max(self.now_ns, self._source.last_ns) + int(DRAIN_NS * self.speed))
+        self.advance(max(self.now_ns, self._source.last_ns) + self._drain_ns)
         self._settle()
         if self._watch and not self.failure and not self._source.excuses(self._source.taken_ns):
             self.failure = self._watch.unanswered(self.now_ns)
