@@ -112,7 +112,7 @@ def measure(bus: str, seconds: float, rate: int, on: str, limit_ms: float, folde
         "answers": heard,
         "unsent": live["frames_unsent"],
         "monitor": len(recorded),
-        "late_ms": live["late_ms"],
+        "late_ms": live["late_ms"] | {"max": live["late_ms"]["worst"]},
         "live": {name: live[name] for name in (*VERDICT, "td_late_ms")},
         "virtual": {name: alone[name] for name in VERDICT},
         "ecu": fared[2].strip(),
@@ -155,11 +155,11 @@ def table(results: list[dict[str, Any]]) -> Table:
              "canplayer p50", "p99", "max", "alarm live s", "virtual s")  # fmt: skip
     drawn = Table(*names, box=None)
     for r in results:
-        lost = max(r["sent"] + r["answers"] - r[who] for who in ("monitor", "candump") if who in r)
+        seen = [r[who] for who in ("monitor", "candump") if who in r]
+        lost = max(0, r["sent"] + r["answers"] - min(seen))
         ours, theirs = r.get("seen_late_ms", r["late_ms"]), r.get("canplayer_late_ms", {})
         cells = [r["bus"], r["rate_hz"], r["sent"], r["answers"], r["monitor"], r.get("candump", "-"), lost]
-        late = [f"{ours[name]:.2f}" for name in ("p50", "p99", "max") if name in ours]
-        late += [""] * (3 - len(late))
+        late = [f"{ours[name]:.2f}" for name in ("p50", "p99", "max")]
         other = [f"{theirs[name]:.2f}" if theirs else "-" for name in ("p50", "p99", "max")]
         td = [f"{r[who]['outcome']} {r[who]['t_alarm_s'] or 0:.4f}" for who in ("live", "virtual")]
         drawn.add_row(*map(str, (*cells, *late, *other, *td)))

@@ -1,10 +1,11 @@
 """Two ECUs, a recorder and a logger on one live bus, each a process of its own, as a script.
 
-    python live_rides.py FOLDER BUS [own]
+    python live_rides.py FOLDER BUS [guest]
 
 FOLDER holds lap.csv and model.json; what the processes wrote comes to lie beside them, and what became of
 each in report.json. First the IFD is judged, then the soft sensor; both are there all the time.
-own: the interface is this run's alone, and is taken down at its end.
+guest: the bus is that of a user-mode kernel, which is slow: the IFD's ride alone, at a quarter of the pace.
+At its end the interface is taken down.
 """
 
 import json
@@ -22,6 +23,8 @@ from targets.ecus import ROLES
 from targets.host import library
 
 FAULT = "rear_stroke:short@1.5"
+LIMIT = ("--late-limit", "100")
+"""Virtual machines stand still for tens of milliseconds now and then."""
 PATIENCE_S = 150
 ON = "host" if library() else "mcu"
 """A user-mode kernel is too slow for the emulator to answer every 10 ms."""
@@ -81,11 +84,11 @@ def absent() -> str:
         return str(error)
 
 
-def main(folder: Path, bus: str, own: bool) -> None:
+def main(folder: Path, bus: str, guest: bool) -> None:
     """Ride, and write report.json."""
     lap, model = str(folder / "lap.csv"), str(folder / "model.json")
     interface, _, channel = bus.partition(":")
-    report: dict = {"own": own, "absent": absent()}
+    report: dict = {"absent": absent()}
     words = ("--bus", bus, "--model", model, "--on", ON)
     ecus = {role: bench("ecu", role, *words) for role in ROLES}
     monitor = bench("monitor", "--bus", bus, "--record", str(folder / "monitor.log"),
@@ -95,25 +98,27 @@ def main(folder: Path, bus: str, own: bool) -> None:
     dumped = dump(folder, interface, channel)
     time.sleep(0.5)
     replays = {}
-    for role, fault in (("ifd", ("--fault", FAULT)), ("soft_sensor", ())):
+    rides: dict[str, tuple[str, ...]] = {"ifd": ("--fault", FAULT), "soft_sensor": ()}
+    if guest:
+        rides = {"ifd": (*rides["ifd"], "--speed", "0.25")}
+    for role, more in rides.items():
         out = ("--json", str(folder / f"{role}.json"), "--record", str(folder / f"{role}.log"))
-        replays[role] = ended(bench("replay", lap, "--bus", bus, "--ecu", role, *out, *fault))
+        replays[role] = ended(bench("replay", lap, "--bus", bus, "--ecu", role, *LIMIT, *out, *more))
     time.sleep(0.5)
     if dumped:
         dumped.terminate()
         dumped.wait()
     ecus["ifd"].send_signal(signal.SIGINT)
     stopped = {"ifd": ended(ecus["ifd"])}
-    if own:
+    if guest:
         subprocess.run(["ip", "link", "set", channel, "down"], check=True)
     else:
         ecus["soft_sensor"].send_signal(signal.SIGTERM)
         monitor.send_signal(signal.SIGINT)
     stopped["soft_sensor"] = ended(ecus["soft_sensor"])
-    report |= {role: {"ready": ready[role], "replay": replays[role], "ecu": stopped[role]} for role in ROLES}
-    report["monitor"] = ended(monitor)
+    report |= {"ready": ready, "replay": replays, "ecu": stopped, "monitor": ended(monitor)}
     (folder / "report.json").write_text(json.dumps(report, indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2], "own" in sys.argv[3:])
+    main(Path(sys.argv[1]), sys.argv[2], "guest" in sys.argv[3:])
