@@ -44,9 +44,15 @@ Row = tuple[int, Frame, str]
 
 
 class Bus(Protocol):
-    """What this room asks of a live bus; `LiveBus` is one. echoes: it hears its own frames."""
+    """What this room asks of a live bus; `LiveBus` is one.
+
+    echoes: it hears its own frames. refusal: why it took no frame last, "" if it cannot tell.
+    """
 
     echoes: bool
+
+    @property
+    def refusal(self) -> str: ...  # noqa: D102  # above
 
     def send(self, frame: Frame, timeout_s: float = 0.0) -> bool:
         """Put `frame` on the bus; False if it was not taken within `timeout_s` because a queue is full."""
@@ -169,7 +175,8 @@ class LiveRig:
             # Said first: an answer that seems to be missing may be the bench's own lateness.
             failure = f"the replay was late by {worst / 1e6:.1f} ms, the limit is {limit_ns / 1e6:g} ms"
         if self._unsent:
-            failure = f"{self._unsent} frames were not sent: the interface's queue stayed full"
+            why = self._bus.refusal or "the interface's queue stayed full"
+            failure = f"{self._unsent} frames were not sent: {why}"
         frames = sorted(self.frames, key=lambda row: row[0])
         return Replay(frames, late, self._refused, self._unsent, failure, self._lost)
 

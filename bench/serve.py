@@ -75,7 +75,8 @@ def serve(
     def catch_up(t_ns: int) -> None:
         while (request := ecu.advance(t_ns)) is not None:
             if not bus.send(request.frame, SEND_S):
-                raise BusError(f"ecu {ecu.name}: the bus took no frame for {SEND_S:g} s")
+                why = bus.refusal and f": {bus.refusal}"
+                raise BusError(f"ecu {ecu.name}: the bus took no frame for {SEND_S:g} s{why}")
             ecu.sent(request.handle, max(request.t_ns, t_ns))
             served.sent += 1
 

@@ -90,6 +90,10 @@ class _Counted:
         self._bus, self._tally, self._clock, self._begun_ns = bus, tally, clock, clock()
         self.echoes = bus.echoes
 
+    @property
+    def refusal(self) -> str:
+        return self._bus.refusal
+
     def send(self, frame: Frame, timeout_s: float = 0.0) -> bool:
         taken = self._bus.send(frame, timeout_s)
         if taken:

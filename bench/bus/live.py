@@ -9,12 +9,15 @@ import socket
 import sys
 import time
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from bench.bus.hub.place import DEFAULT
 from bench.bus.hub.wire import INTERFACE as OWN_INTERFACE
 from bench.errors import BusError
 from targets.ecu import Frame
+
+if TYPE_CHECKING:
+    from bench.bus.hub.client import HubBus
 
 RECEIVE_BUFFER = 2 * 1024 * 1024
 """Bytes asked of the kernel for frames not read yet; its default holds 278 frames, 35 ms of a full bus."""
@@ -41,8 +44,11 @@ class LiveBus:
     """The bus named IFACE[:CHANNEL], e.g. `socketcan:vcan0` or `udp_multicast:239.74.163.2`.
 
     echoes: whether it hears its own frames, which most interfaces keep to themselves.
+    refusal: why it took no frame last, "" where the interface does not tell.
     Raises BusError, naming the interface, if it cannot be opened.
     """
+
+    _hub: "HubBus | None" = None  # our own interface says more than others
 
     def __init__(self, name: str, bitrate: int = 500_000) -> None:
         # Without a handler of its own python-can would say on the error stream what is raised here anyway.
@@ -59,11 +65,12 @@ class LiveBus:
             if interface == OWN_INTERFACE:
                 from bench.bus.hub.client import HubBus  # also there where its entry point is not installed
 
-                self._bus = HubBus(channel or DEFAULT)
+                self._bus = self._hub = HubBus(channel or DEFAULT)
             else:
                 self._bus = can.Bus(interface=interface, channel=channel or None, bitrate=bitrate)
         except Exception as error:  # drivers of absent hardware raise whatever they meet
             raise BusError(f"{name}: cannot be opened: {_reason(error)}") from None
+        self.refusal = ""
         self.echoes = interface == "udp_multicast"
         _enlarge_buffer(getattr(self._bus, "socket", None))
 
@@ -77,6 +84,7 @@ class LiveBus:
             self._bus.send(message, timeout=timeout_s)
         except (self._can.CanError, OSError) as error:
             if isinstance(error, self._can.CanTimeoutError) or _is_full(error):
+                self.refusal = self._hub.obstacle() if self._hub else ""
                 return False
             raise BusError(f"{self.name}: cannot send {frame.id:#x}: {_reason(error)}") from None
         return True

@@ -130,6 +130,10 @@ class _Until:
         self._bus, self._over = bus, over
         self.echoes = bus.echoes
 
+    @property
+    def refusal(self) -> str:
+        return self._bus.refusal
+
     def send(self, frame: Frame, timeout_s: float = 0.0) -> bool:
         return self._bus.send(frame, timeout_s)
 

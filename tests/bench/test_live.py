@@ -52,7 +52,7 @@ class Desk:
     stalls: instant of a cycle -> how long the process does not run after the cycle's last frame has left.
     """
 
-    echoes = False
+    echoes, refusal = False, ""
 
     def __init__(self, arrivals=(), pauses=None, cost_ns=0, answers=True, stamps=True, stalls=None):
         self.stalls = dict(stalls or {})

@@ -103,7 +103,7 @@ def test_live_bus_is_counted():
     """On a live bus what is sent is counted at the clock's instants."""
 
     class Bus:
-        echoes = False
+        echoes, refusal = False, ""
 
         def send(self, frame, timeout_s):
             self.last = frame

@@ -82,7 +82,7 @@ def ground():
 class EcuBus:
     """A bus with `ecu` on it, and a clock: waiting is what makes time pass."""
 
-    echoes = False
+    echoes, refusal = False, ""
 
     def __init__(self, ecu):
         self.ecu, self.now, self.answers = ecu, 0, deque()

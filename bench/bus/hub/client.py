@@ -177,7 +177,7 @@ class HubBus(can.BusABC):
                 self._lose()
             self._check()
             if deadline is not None and time.monotonic() >= deadline:
-                raise can.CanTimeoutError(f"{self.name}: not sent within {timeout:g} s: {self._obstacle()}")
+                raise can.CanTimeoutError(f"{self.name}: not sent within {timeout:g} s: {self.obstacle()}")
             left = _SLICE_S if deadline is None else min(_SLICE_S, max(deadline - time.monotonic(), 0))
             self._writable.poll(left * 1000)
             # Who waits here may be the one whose queue is full: it reads meanwhile.
@@ -244,7 +244,7 @@ class HubBus(can.BusABC):
         elif kind == wire.HELD_UP:
             self._holder = words.decode(errors="replace")
 
-    def _obstacle(self) -> str:
+    def obstacle(self) -> str:
         """Why the hub takes nothing, from its notices, read and unread."""
         for _, record in wire.whole(bytes(self._heard), self._at):
             if record.kind != wire.FRAME:
@@ -255,7 +255,7 @@ class HubBus(can.BusABC):
 
     def _lose(self) -> None:
         """There is no hub any more, and what it said last is the reason."""
-        self._obstacle()
+        self.obstacle()
         self._gone = self._gone or "its hub has ended"
         if self._bell:
             self._bell.forget(self._socket)

@@ -347,6 +347,16 @@ def test_live_bus(hub):
         LiveBus("strokebench:..")
 
 
+def test_live_bus_names_who_holds_it_up(hub, node):
+    """The bench is told which node does not read, where the hub has no room for a frame."""
+    hub("lab", patience_s=60)
+    node("lab")
+    with LiveBus("strokebench:lab") as here:
+        while here.send(Frame(0x100, bytes(8)), 0.2):
+            assert here.refusal == ""
+        assert here.refusal == f"client 1 (process {os.getpid()}) does not read"
+
+
 def test_process_with_many_open_files(node):
     """A node whose descriptor is beyond what select() can watch still hears, and still stops waiting."""
     sender = node()
