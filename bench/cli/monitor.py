@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bench.cli.options import Bitrate, BusName, Model, json_of, write_json
+from bench.cli.options import Bitrate, BusName, Keys, Model, json_of, write_json
 from bench.cli.stop import stoppable
 
 if TYPE_CHECKING:
@@ -31,12 +31,7 @@ def monitor(
     ] = None,
     model: Model = None,
     clock: Annotated[float, typer.Option(metavar="MHZ", min=0.1, max=1000, help="Of the ECU's CPU.")] = 22.0,
-    key: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--key", metavar="KEY=SPEC", help="A key fires SENSOR:KIND[:PARAM=VALUE,...][@now+DURATION]."
-        ),
-    ] = None,
+    key: Keys = None,
     seconds: Annotated[
         float | None, typer.Option(min=0, help="Stop after so long.  [default: q or Ctrl-C]")
     ] = None,
@@ -55,8 +50,8 @@ def monitor(
     from bench.bus.bits import frame_bits
     from bench.bus.live import LiveBus
     from bench.cli.control_socket import address, ask
-    from bench.cli.monitor_faults import FaultLink, key_faults
-    from bench.cli.monitor_keys import Keyboard
+    from bench.cli.keyboard import Keyboard, key_faults
+    from bench.cli.monitor_faults import FaultLink
     from bench.cli.monitor_live import Session, listen, since_now
     from bench.cli.monitor_record import recording
     from bench.cli.monitor_screen import Frame

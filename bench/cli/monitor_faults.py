@@ -10,23 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bench.control import parse_command
-from bench.errors import BenchError, FaultError
-
-RESERVED = {"q": "quit", "c": "clear", " ": "pause"}
-"""Keys with a meaning of their own."""
-
-DEFAULTS = {
-    "1": "rear_stroke:open",
-    "2": "rear_stroke:short",
-    "3": "rear_stroke:hold",
-    "4": "rear_stroke:uncalibration:gain=1.1",
-    "5": "fork_stroke:open",
-    "6": "fork_stroke:short",
-    "7": "fork_stroke:hold",
-    "8": "pitch_rate:open",
-    "9": "speed:hold",
-}
+from bench.errors import BenchError
 
 _POLL_NS = 500_000_000
 _PATIENCE_S = 2.0
@@ -39,22 +23,6 @@ class Answer(NamedTuple):
     request: Mapping[str, Any]
     reply: dict[str, Any] | None
     error: str | None
-
-
-def key_faults(given: list[str]) -> dict[str, str]:
-    """Key -> fault, from `KEY=SPEC` each; DEFAULTS without any. Raises FaultError."""
-    found: dict[str, str] = {}
-    for text in given:
-        key, equals, spec = text.partition("=")
-        if not equals or len(key) != 1 or not key.isascii() or not key.isprintable():
-            raise FaultError(f"--key {text!r} is not written KEY=SPEC with a single character")
-        if key in RESERVED:
-            raise FaultError(f"--key {text!r}: {key!r} means {RESERVED[key]}")
-        if key in found:
-            raise FaultError(f"--key {text!r}: {key!r} fires {found[key]} already")
-        parse_command(spec)
-        found[key] = spec
-    return found or dict(DEFAULTS)
 
 
 class FaultLink:

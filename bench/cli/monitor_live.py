@@ -12,8 +12,8 @@ from bench.errors import BusError
 
 if TYPE_CHECKING:
     from bench.bus.live import Heard
+    from bench.cli.keyboard import Keyboard
     from bench.cli.monitor_faults import Answer, FaultLink
-    from bench.cli.monitor_keys import Keyboard
     from bench.cli.monitor_record import Write
     from bench.cli.monitor_screen import Frame
     from bench.live import Bus

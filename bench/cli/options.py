@@ -52,6 +52,13 @@ BusName = Annotated[
 
 Bitrate = Annotated[int, typer.Option(min=10_000, max=1_000_000, help="Of the bus, bit/s.")]
 
+Keys = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--key", metavar="KEY=SPEC", help="A key fires SENSOR:KIND[:PARAM=VALUE,...][@now+DURATION]."
+    ),
+]
+
 LateLimit = Annotated[
     float,
     typer.Option(metavar="MS", min=0.1, max=1000, help="So late is too late; a control period is 10."),

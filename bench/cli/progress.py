@@ -6,15 +6,37 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from targets.narx.settings import Settings
-    from targets.narx.train import Progress
+    from targets.narx.train import Progress as Step
 
 REFRESH_S = 0.1
 
 
+class LapBar:
+    """Call it with the instant reached, ns. `say` writes a line above the bar, where somebody looks."""
+
+    def __init__(self, bar: "Progress", duration_ns: int) -> None:
+        self._bar = bar
+        self._task = bar.add_task("", total=duration_ns / 1e9)
+        self._drawn = 0.0
+
+    def __call__(self, t_ns: int) -> None:
+        """Draw it, now and then."""
+        if time.monotonic() - self._drawn >= REFRESH_S:
+            self._bar.update(self._task, completed=t_ns / 1e9, refresh=True)
+            self._drawn = time.monotonic()
+
+    def say(self, text: str) -> None:
+        """One line."""
+        if not self._bar.disable:
+            self._bar.console.print(text, highlight=False, markup=False)
+
+
 @contextmanager
-def lap_progress(duration_ns: int, what: str = "riding") -> Iterator[Callable[[int], None]]:
-    """A bar for one ride or run, nothing where no one looks; yields what to call with the instant in ns."""
+def lap_progress(duration_ns: int, what: str = "riding") -> Iterator[LapBar]:
+    """A bar for one ride or run, nothing where no one looks."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -24,16 +46,7 @@ def lap_progress(duration_ns: int, what: str = "riding") -> Iterator[Callable[[i
     with Progress(
         *columns, console=screen, transient=True, auto_refresh=False, disable=not screen.is_terminal
     ) as bar:
-        task = bar.add_task("", total=duration_ns / 1e9)
-        drawn = 0.0
-
-        def tell(t_ns: int) -> None:
-            nonlocal drawn
-            if time.monotonic() - drawn >= REFRESH_S:
-                bar.update(task, completed=t_ns / 1e9, refresh=True)
-                drawn = time.monotonic()
-
-        yield tell
+        yield LapBar(bar, duration_ns)
 
 
 @contextmanager
@@ -91,7 +104,7 @@ def trials_progress(total: int) -> "Iterator[Callable[[int, int, dict[str, Any]]
 
 
 @contextmanager
-def training_progress(settings: "Settings") -> "Iterator[Callable[[Progress], None]]":
+def training_progress(settings: "Settings") -> "Iterator[Callable[[Step], None]]":
     """A bar over all seeds and stages, with the present stage and held-out error beside it."""
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
@@ -107,7 +120,7 @@ def training_progress(settings: "Settings") -> "Iterator[Callable[[Progress], No
         seen: set[tuple[int, str]] = set()
         before = 0
 
-        def tell(step: "Progress") -> None:
+        def tell(step: "Step") -> None:
             nonlocal before
             key = (step.seed, step.stage)
             if key not in seen:

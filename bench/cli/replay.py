@@ -11,6 +11,7 @@ from bench.cli.options import (
     Bitrate,
     BusName,
     Faults,
+    Keys,
     LateLimit,
     Map,
     Rate,
@@ -56,6 +57,7 @@ def replay(
     record_out: Annotated[
         Path | None, typer.Option("--record", metavar="OUT", help="Record the bus (.log, .asc, .blf, .mf4).")
     ] = None,
+    key: Keys = None,
     mavlink: Mavlink = None,
     allow_inject: AllowInject = False,
     inject_from: InjectFrom = None,
@@ -64,13 +66,15 @@ def replay(
 ) -> None:
     """Replay a lap onto a live CAN bus at its own pace; with --ecu also listen and judge.
 
-    While it runs, `bench fault` and a ground station arm, fire and clear faults.
+    While it runs, keys (1 to 9, or those of --key, fire a fault, c clears, q quits), `bench fault` and a
+    ground station arm, fire and clear faults.
     Exit code 0: replayed in time (with --ecu: and passed). 1: any other verdict. 2: bad input. 130: stopped
     before the end: recorded so far, no verdict.
     """
     from bench.bus.live import LiveBus
     from bench.cli.attendants import attending
     from bench.cli.ground_link import Ground
+    from bench.cli.keyboard import key_faults
     from bench.cli.progress import lap_progress
     from bench.codec import Codec
     from bench.faults.spec import parse_fault
@@ -84,6 +88,7 @@ def replay(
     from bench.watch import Watch
     from bench.whole import check_writable
 
+    keys = key_faults(key or [])
     if json_out:
         check_writable(json_out)
     if record_out:
@@ -103,7 +108,7 @@ def replay(
         LiveBus(bus, bitrate) as live,
         stoppable(),
         lap_progress(script.last_ns) as tell,
-        attending(bus, script, ground.joining(watch, bitrate, speed)) as attendants,
+        attending(bus, script, ground.joining(watch, bitrate, speed), keys, tell.say) as attendants,
     ):
         rig = LiveRig(
             script, live, watch, tell, attend=attendants, speed=speed, late_limit_ns=ms_to_ns(late_limit)

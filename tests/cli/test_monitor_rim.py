@@ -13,8 +13,8 @@ import pytest
 
 from bench.bus.live import Heard
 from bench.cli.control_socket import ControlSocket, ask
-from bench.cli.monitor_faults import DEFAULTS, Answer, FaultLink, key_faults
-from bench.cli.monitor_keys import Keyboard
+from bench.cli.keyboard import DEFAULTS, Keyboard, key_faults
+from bench.cli.monitor_faults import Answer, FaultLink
 from bench.cli.monitor_live import BEHIND_NS, BEHIND_REFRESH_NS, REFRESH_NS, Session, listen
 from bench.cli.monitor_record import recording
 from bench.cli.monitor_screen import Frame
