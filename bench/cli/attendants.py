@@ -23,8 +23,7 @@ def attending(
 ) -> Iterator[list[Callable[[int], None]]]:
     """What a replay of `script` on `bus` is to call with the bench time, once a cycle.
 
-    ground: one more. keys: what the keyboard's keys fire, where there is a terminal. say: shows what came of
-    that.
+    ground: one more. keys: what the terminal's keys fire, if there is one. say: shows what came of that.
     """
     # One thread: changed laps are planned beside the replay, one after the other.
     with ThreadPoolExecutor(1, "planner") as executor:

@@ -247,8 +247,10 @@ def test_kernel_with_can(tmp_path):
     if not words:
         pytest.skip("this kernel has vcan0: the contract has run on it")
     report = tmp_path / "report.xml"
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:randomly", __file__]
+    command = [sys.executable, "-u", "-m", "pytest", "-v", "-p", "no:randomly", __file__]
+    # One that hangs says in which line, before the kernel's own limit.
     options = ["-k", "socketcan and not kernel_with_can", "--junitxml", str(report)]
+    options += ["-o", "faulthandler_timeout=90", "-p", "no:cacheprovider"]
     done = subprocess.run(
         [*words, *command, *options],
         cwd=ROOT,
