@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import bench
 from bench.laps.files import write_lap
 from bench.laps.lap import Lap
 from bench.plant.motorcycle import load_motorcycle
@@ -28,7 +29,8 @@ INSTALLED = any(point.value == PLUGIN for point in entry_points(group="pytest11"
 
 pytest_plugins = ["pytester"] if INSTALLED else ["pytester", PLUGIN]
 
-SHARED = Path(__file__).resolve().parents[2] / "shared"
+ROOT = Path(__file__).resolve().parents[1]
+SHARED = ROOT.parent / "shared"
 
 INPUTS = ("fork_stroke_mm", "pitch_rate_dps", "speed_kmh")
 SPANS = ((0.0, 150.0), (-80.0, 80.0), (0.0, 200.0))
@@ -45,6 +47,20 @@ def own_sockets():
     if before:
         os.environ["XDG_RUNTIME_DIR"] = before
     shutil.rmtree(folder)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def same_packages():
+    """Processes that tests start import the packages that are tested here, whatever their working directory.
+
+    A checkout beside its installation would be another copy, whose kernels are compiled anew: minutes of a
+    user-mode kernel, and nothing about what is installed.
+    """
+    places = [str(Path(bench.__file__).resolve().parents[1]), str(ROOT), os.environ.get("PYTHONPATH", "")]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, places)))
+        patch.setenv("PYTHONSAFEPATH", "1")
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -5,21 +5,18 @@
 PIDS gets the workers' process ids; these are not started again when killed, as those of a LocalCluster are.
 """
 
+import os
 import subprocess
 import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.campaigns.trifles import environment
-
 
 @contextmanager
 def cluster(workers, pids=None, path=()):
     """The script running: yields its process and the scheduler's address. path: goes before PYTHONPATH."""
-    root = str(Path(__file__).parents[2])
-    env = environment()
-    env["PYTHONPATH"] = ":".join([*map(str, path), env["PYTHONPATH"], root])
+    env = {**os.environ, "PYTHONPATH": ":".join([*map(str, path), os.environ["PYTHONPATH"]])}
     words = [sys.executable, __file__, str(workers), *([str(pids)] if pids else [])]
     process = subprocess.Popen(
         words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=env

@@ -5,13 +5,11 @@ import sqlite3
 import subprocess
 import sys
 from contextlib import closing, contextmanager
-from pathlib import Path
 
 import pytest
 
 from campaigns.errors import CampaignError
 from campaigns.store import Store, trial_id
-from tests.campaigns.trifles import environment
 
 CAMPAIGN = {"name": "road", "plan": {"laps": 3, "faults": ["open", "short"]}, "versions": {"numpy": "2.0"}}
 TRIALS = [{"kind": "road", "n": n, "lap": {"route": "über\nLand"}} for n in range(5)]
@@ -77,10 +75,7 @@ def readable_only(folder):
 def kill_while_writing(path):
     """Leave a store as kill -9 leaves it: a log beside it, with all trials in it."""
     script = (
-        "import os, sys; from tests.campaigns.stores import *\n"
+        "import os, sys; from pathlib import Path; from tests.campaigns.stores import *\n"
         "store = Store.open(Path(sys.argv[1]), CAMPAIGN); fill(store); os.kill(os.getpid(), 9)"
     )
-    root = str(Path(__file__).parents[2])
-    env = environment()
-    env["PYTHONPATH"] = os.pathsep.join([env["PYTHONPATH"], root])
-    assert subprocess.run([sys.executable, "-c", script, str(path)], env=env, check=False).returncode == -9
+    assert subprocess.run([sys.executable, "-c", script, str(path)], check=False).returncode == -9

@@ -83,16 +83,11 @@ def table(store):
     return "\n".join(lines)
 
 
-def environment():
-    """For a process of its own: it finds what this one finds."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
-
-
 def start(store, log, workers, count, work="steady"):
     """The script, in a process group of its own, as a terminal starts it."""
     words = [sys.executable, __file__, *map(str, (store, log, workers, count)), work]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    return subprocess.Popen(words, **pipes, text=True, start_new_session=True, env=environment())
+    return subprocess.Popen(words, **pipes, text=True, start_new_session=True)
 
 
 def begun(log):

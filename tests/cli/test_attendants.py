@@ -88,7 +88,7 @@ def test_terminal(tmp_path):
     words += ["--key", "o=fork_stroke:open@now+0.2"]
     replay, here = pty.fork()
     if not replay:
-        os.execv(sys.executable, [sys.executable, "-P", "-m", "bench.cli.main", *map(str, words)])
+        os.execv(sys.executable, [sys.executable, "-m", "bench.cli.main", *map(str, words)])
     screen = b""
     while b"keys: o fork_stroke:open@now+0.2; c clears, q quits" not in screen:
         screen += os.read(here, 4096)

@@ -2,14 +2,12 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from bench.laps.files import write_lap
 from tests.conftest import wavy_lap
 
-ROOT = Path(__file__).resolve().parents[2]
 HEAVY = (
     *("numpy", "numba", "scipy", "torch", "cantools", "can", "pyarrow", "pydantic", "unicorn", "capstone"),
     *("asammdf", "plotly", "distributed", "pymavlink", "sqlite3", "tomllib", "importlib.metadata"),
@@ -20,14 +18,14 @@ def test_start_imports_nothing_heavy():
     """`bench --help` leaves numerics, buses, emulator and what else is slow to import alone."""
     start = "import sys, typer, bench.cli.main; typer.main.get_command(bench.cli.main.app)"
     code = f"{start}; print([name for name in {HEAVY} if name in sys.modules])"
-    found = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout == "[]\n"
 
 
 def test_refusal_from_the_shell(tmp_path):
     """As a process of its own, too, the command refuses in one line on the error stream, with exit code 2."""
     command = [sys.executable, "-m", "bench.cli.main", "run", str(tmp_path / "none.csv")]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"bench: lap: {tmp_path / 'none.csv'}: no such file\n"
 

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import termios
-from pathlib import Path
 
 import pytest
 
@@ -18,7 +17,6 @@ from bench.errors import BusError
 from bench.laps.files import read_lap
 from targets.ecu import Frame
 
-ROOT = Path(__file__).resolve().parents[2]
 MONITOR = ("monitor", "--bus", "virtual:mon")
 CODEC = Codec()
 
@@ -106,7 +104,7 @@ def test_reader_that_leaves(tmp_path):
     read, write = os.pipe()
     os.close(read)
     process = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, stdout=write, stderr=subprocess.PIPE, check=False, timeout=120
+        [sys.executable, "-c", code], stdout=write, stderr=subprocess.PIPE, check=False, timeout=120
     )
     os.close(write)
     assert (process.returncode, process.stderr) == (0, b"")
@@ -163,7 +161,7 @@ def test_on_a_terminal(tmp_path, how):
     process = subprocess.Popen(
         command,
         cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "TERM": "xterm", "COLUMNS": "80", "LINES": "24"},
+        env=os.environ | {"TERM": "xterm", "COLUMNS": "80", "LINES": "24"},
         stdin=there,
         stdout=there,
         stderr=there,

@@ -25,7 +25,6 @@ from bench.laps.files import read_lap
 from bench.monitor.model import Monitor
 from targets.ecu import Frame as CanFrame
 
-ROOT = Path(__file__).resolve().parents[2]
 MS = 1_000_000
 STROKES = CanFrame(0x100, bytes(4))
 
@@ -102,7 +101,7 @@ def test_log_survives_a_kill(tmp_path):
         "    for k in range(1000): write(k * 1000, Frame(k, bytes(8)))\n"
         "    os.kill(os.getpid(), signal.SIGKILL)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code, path], cwd=ROOT, check=False, timeout=120)
+    done = subprocess.run([sys.executable, "-c", code, path], check=False, timeout=120)
     assert done.returncode == -9
     text = path.read_text()
     assert text.endswith(" 3E7#0000000000000000 R\n")
@@ -143,7 +142,7 @@ def test_disk_is_full(tmp_path):
         "except RecordError as error: print(error)\n"
     )
     command = [sys.executable, "-B", "-c", code, path]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
     assert done.stdout == f"{path}: cannot be written: no space left on device\n"
     assert path.read_text() == "(0.000000) vcan0 100#00000000 R\n" * 3
 

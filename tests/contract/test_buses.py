@@ -4,7 +4,6 @@ Where the kernel has no vcan0, `test_kernel_with_can` runs the SocketCAN part in
 """
 
 import contextlib
-import os
 import shutil
 import subprocess
 import sys
@@ -223,7 +222,7 @@ def test_other_process(interface, node):
         "    frame = bus.receive(20).frame\n    bus.send(frame._replace(id=frame.id + 1))"
     )
     bus = node()
-    with subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE) as other:
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as other:
         other.stdout.readline()
         bus.send(message(0x100, data=b"ab"))
         while (heard := bus.recv(20)).arbitration_id == 0x100:
@@ -247,14 +246,12 @@ def test_kernel_with_can(tmp_path):
     if not words:
         pytest.skip("this kernel has vcan0: the contract has run on it")
     report = tmp_path / "report.xml"
-    command = [sys.executable, "-u", "-m", "pytest", "-v", "-p", "no:randomly", __file__]
-    # One that hangs says in which line, before the kernel's own limit.
-    options = ["-k", "socketcan and not kernel_with_can", "--junitxml", str(report)]
-    options += ["-o", "faulthandler_timeout=90", "-p", "no:cacheprovider"]
+    command = [sys.executable, "-u", "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:randomly"]
+    # A test that hangs says in which line, before all this is ended.
+    options = ["-k", "socketcan and not kernel_with_can", "-o", "faulthandler_timeout=90"]
     done = subprocess.run(
-        [*words, *command, *options],
+        [*words, *command, *options, "--junitxml", str(report), __file__],
         cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         check=False,

@@ -32,7 +32,7 @@ ON = "host" if library() else "mcu"
 
 def bench(*words: str) -> subprocess.Popen:
     """`bench WORD...`; -P: not what lies in the working directory, but the package that is tested."""
-    command = [sys.executable, "-P", "-m", "bench.cli.main", *words]
+    command = [sys.executable, "-m", "bench.cli.main", *words]
     return subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

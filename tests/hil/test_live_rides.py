@@ -31,7 +31,6 @@ FAULT = "rear_stroke:short@1.5"
 STATUS = {"ifd": 0x200, "soft_sensor": 0x210}
 CHANNEL = "rides"
 SECONDS = 2.5
-UP = "the kernel is up"
 
 BUSY = 0.3
 """Where processes wait for a processor for this share of the time, a run that was late proves nothing."""
@@ -45,14 +44,13 @@ def launcher() -> list[str]:
         pytest.skip("no vcan0: ip link add dev vcan0 type vcan && ip link set up vcan0, as root")
     if shutil.which("linux.uml") is None:
         pytest.skip("no vcan0 here, and no linux.uml to have one in: apt-get install user-mode-linux")
-    up = ["sh", "-c", f'echo {UP}; exec "$@"', "sh"]
-    return ["timeout", "--kill-after=10", "300", *punctual(), str(WITH_VCAN), *up]
+    return ["timeout", "--kill-after=10", "300", *punctual(), str(WITH_VCAN)]
 
 
 def came_up(done: subprocess.CompletedProcess[str]) -> None:
-    """Skip where the user-mode kernel did not get as far as to run anything."""
-    if UP not in done.stdout or done.returncode in (125, 126):
-        pytest.skip(f"with-vcan: no kernel, exit code {done.returncode}: {done.stderr.strip()[-200:]}")
+    """Skip where the user-mode kernel could not be brought up."""
+    if done.returncode in (125, 126):
+        pytest.skip(f"with-vcan: {done.stderr.strip()[-200:]}")
 
 
 def punctual() -> list[str]:

@@ -16,10 +16,9 @@ ROOT = Path(__file__).parents[3]
 def run(tmp_path):
     """`pytest WORD...` in a copy of examples/; its exit code and output."""
     shutil.copytree(ROOT / "examples", tmp_path / "suite", ignore=shutil.ignore_patterns("__pycache__"))
-    # The packages that are tested here, installed or not; no plugin but the bench's own.
+    # No plugin but the bench's own.
     environment = {
         **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, sys.path)]),
         "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
         "PYTHONIOENCODING": "utf-8",
         "COLUMNS": "100",
