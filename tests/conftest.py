@@ -56,7 +56,7 @@ def same_packages():
     A checkout beside its installation would be another copy, whose kernels are compiled anew: minutes of a
     user-mode kernel, and nothing about what is installed.
     """
-    places = [str(Path(bench.__file__).resolve().parents[1]), str(ROOT), os.environ.get("PYTHONPATH", "")]
+    places = [str(Path(bench.__file__).parents[1]), str(ROOT), os.environ.get("PYTHONPATH", "")]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, places)))
         patch.setenv("PYTHONSAFEPATH", "1")

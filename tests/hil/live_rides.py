@@ -31,7 +31,7 @@ ON = "host" if library() else "mcu"
 
 
 def bench(*words: str) -> subprocess.Popen:
-    """`bench WORD...`; -P: not what lies in the working directory, but the package that is tested."""
+    """`bench WORD...` in a process of its own."""
     command = [sys.executable, "-m", "bench.cli.main", *words]
     return subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

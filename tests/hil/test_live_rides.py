@@ -44,7 +44,7 @@ def launcher() -> list[str]:
         pytest.skip("no vcan0: ip link add dev vcan0 type vcan && ip link set up vcan0, as root")
     if shutil.which("linux.uml") is None:
         pytest.skip("no vcan0 here, and no linux.uml to have one in: apt-get install user-mode-linux")
-    return ["timeout", "--kill-after=10", "300", *punctual(), str(WITH_VCAN)]
+    return ["timeout", "--kill-after=10", "500", *punctual(), str(WITH_VCAN)]
 
 
 def came_up(done: subprocess.CompletedProcess[str]) -> None:
