@@ -7,6 +7,7 @@ import tempfile
 from importlib.metadata import entry_points
 from pathlib import Path
 
+import hypothesis
 import numpy as np
 import pytest
 
@@ -28,6 +29,12 @@ INSTALLED = any(point.value == PLUGIN for point in entry_points(group="pytest11"
 """Whether pytest has found the bench's plugin by itself; a checkout may be older than its installation."""
 
 pytest_plugins = ["pytester"] if INSTALLED else ["pytester", PLUGIN]
+
+# No test is about how fast this machine is at the moment, and the first example of many waits for a compiler.
+hypothesis.settings.register_profile(
+    "unhurried", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("unhurried")
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared"

@@ -79,7 +79,7 @@ def layouts(draw):
     return f"BO_ 291 M: {length} NODE\n" + "\n".join(lines) + "\n"
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(layouts(), st.data())
 def test_any_layout_as_cantools(tmp_path_factory, body, data):
     """Intel and Motorola, signed and unsigned signals in any free place pack and unpack as cantools does."""

@@ -349,7 +349,7 @@ def test_rehearsal_is_a_whole_cycle(image, calibration):
 # --- over python-can ----------------------------------------------------------------------------------------
 
 
-SLOWER = 4
+SLOWER = 20
 """Of the wall's pace: what is claimed is about bytes, not about what else this machine does meanwhile."""
 
 
@@ -365,17 +365,17 @@ class Slowed(LiveBus):
 
 def test_pair_over_python_can(image, calibration):
     """Logger and ECU in two threads: every cycle answered, with the status frames of the virtual run."""
-    lap = wavy_lap(0.4)
+    lap = wavy_lap(0.2)
     ecu = EmulatedEcu(image, calibration)
     rehearse(EmulatedEcu(image, calibration))
     ready, watch = threading.Event(), Watch(CODEC)
     with Slowed("virtual:pair") as here, Slowed("virtual:pair") as there:
-        thread = threading.Thread(target=serve, args=(ecu, there, slow_clock, 0.5, ready.set))
+        thread = threading.Thread(target=serve, args=(ecu, there, slow_clock, 0.3, ready.set))
         thread.start()
         assert ready.wait(60)
         done = replay(schedule(acquire(lap), CODEC), here, watch, clock=slow_clock)
         thread.join()
-    assert (done.failure, watch.answered) == (None, 40)
+    assert (done.failure, watch.answered) == (None, 20)
     virtual = run_lap(lap, EmulatedEcu(image, calibration)).ride.frames
     heard = [frame for _, frame, node in done.frames if node == "ifd" and frame.id == 0x200]
     assert heard == [d.frame for d in virtual if d.frame.id == 0x200]

@@ -3,10 +3,9 @@
 import multiprocessing
 import os
 import signal
-import sys
-import threading
 import time
 from contextlib import suppress
+from multiprocessing.connection import Connection
 
 import pytest
 
@@ -39,19 +38,17 @@ def dies(job):
 
 
 def dies_while_sending(_):
-    """Killed when part of a result that no pipe holds is sent."""
-    main = threading.main_thread().ident
+    """Killed when the first half of its result is sent."""
+    plain = Connection._send
 
-    def kill():
-        while (frame := sys._current_frames()[main]).f_code.co_name != "_send" or len(
-            frame.f_locals["buf"]
-        ) < 99:
-            pass
-        time.sleep(0.005)
-        os.kill(os.getpid(), signal.SIGKILL)
+    def half(pipe, data, *write):
+        if len(data) > 1000:
+            plain(pipe, data[: len(data) // 2], *write)
+            os.kill(os.getpid(), signal.SIGKILL)
+        plain(pipe, data, *write)
 
-    threading.Thread(target=kill, daemon=True).start()
-    return bytes(100_000_000)
+    Connection._send = half
+    return bytes(1_000_000)
 
 
 def slow_and_dies(job):

@@ -43,7 +43,7 @@ def test_reads_back(tmp_path, suffix):
     assert [m.timestamp for m in messages] == pytest.approx([t / 1e9 for t, _, _ in ROWS], rel=0, abs=0.6e-6)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.lists(st.integers(0, 10**13), min_size=1, max_size=50))
 def test_blf_keeps_nanoseconds(tmp_path_factory, instants):
     """A .blf recording keeps every instant to the nanosecond."""

@@ -241,7 +241,7 @@ def test_stored_is_not_run_again(two, store, tmp_path):
     def kill(done, *_):
         if done == 8:
             stored.update(store.ids())
-        if done == 12:  # the scheduler has heard of those 8 by now
+        if done == 20:  # the scheduler has heard of those 8 by now
             os.kill(begun(log)[-1][1], signal.SIGKILL)
             lines.append(len(begun(log)))
 
@@ -314,7 +314,7 @@ def test_late_worker(monkeypatch):
 def test_no_workers(store):
     """A scheduler without workers is refused."""
     with dask_cluster.cluster(0) as (_, address):
-        assert refused(Cluster(address, connect_s=0.5), store) == "has no workers"
+        assert refused(Cluster(address, connect_s=3.0), store) == "has no workers"
 
 
 @pytest.mark.parametrize("url", ["", "10.0.0.1:8786", "http://x:1", "tcp://x", "tcp://x:1/y", "tcp:// :1"])

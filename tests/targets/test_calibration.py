@@ -53,7 +53,7 @@ def test_comes_back(shape):
         assert getattr(again.network, name) == getattr(net, name)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.floats(-MAX_WEIGHT, MAX_WEIGHT, width=32), min_size=9, max_size=9))
 def test_any_weight_comes_back(values):
     """Every single-precision weight survives its decimal text, subnormal ones, too."""
@@ -340,7 +340,7 @@ def one_line_or_calibration(text):
 PLACES = [where for where in places(json.loads(TEXT)) if where]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.tuples(st.sampled_from(PLACES), VALUES), min_size=1, max_size=3))
 def test_any_value_anywhere(changes):
     """A file with anything in place of anything is a calibration or one line, never something else."""
@@ -357,7 +357,7 @@ def test_any_value_anywhere(changes):
     assert calibration is None or calibration.checksum == document["checksum"]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.data())
 def test_any_bytes_changed(data):
     """A file with bytes replaced, cut or put in is the same calibration, to every bit, or one line."""

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from targets.errors import CalibrationError, TrainingError
@@ -133,7 +133,6 @@ def test_runs_do_not_run_together():
     assert fitted(turned).corner_hz == pytest.approx(fitted(source).corner_hz, rel=1e-6)
 
 
-@settings(deadline=None)  # the first example imports scipy
 @given(st.floats(-20.0, 20.0), st.integers(2, 40), st.floats(0.0, 5.0))
 def test_more_offset_is_more_stroke(added, samples, corner_hz):
     """The offset moves every predicted stroke by itself."""

@@ -1,7 +1,7 @@
 """The bus in virtual time: priority, waiting, exact instants, refusals, statistics."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.bus.bits import frame_bits
@@ -148,7 +148,6 @@ requests = st.lists(
 )
 
 
-@settings(deadline=None)
 @given(requests, st.lists(st.integers(0, 4_000_000), max_size=6))
 def test_laws_of_the_bus(wanted, pauses):
     """Every frame is sent once, none overlaps another, each start is the best choice of those waiting."""

@@ -43,7 +43,7 @@ def until(codes, last):
     return Codes(codes.t_ns[:last], {name: array[:last] for name, array in codes.codes.items()})
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.sampled_from(PLACED), st.integers(0, 1500 * MS), st.integers(1, 1500 * MS), st.integers(1, 1400))
 def test_no_kind_looks_ahead(placed, t_cmd, lasts, more_ms):
     """A lap that ends earlier sends the same frames as far as it goes, and so does a shorter fault."""
@@ -63,7 +63,7 @@ def test_no_kind_looks_ahead(placed, t_cmd, lasts, more_ms):
     assert [row for row in ended if row[0] < acting] == [row for row in whole if row[0] < acting]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.sampled_from(PLACED), st.integers(0, 1990 * MS), st.none() | st.integers(1, 10**15))
 def test_only_the_window_and_the_place(placed, t_cmd, lasts):
     """Frames outside the fault's time and of other messages stay; what it did first is what is reported."""

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.errors import FaultError
@@ -57,7 +57,6 @@ PLACED = [
 ]
 
 
-@settings(deadline=None)  # the first `slow` waits for the compiler
 @given(
     st.sampled_from(PLACED),
     st.lists(st.floats(0, 1), min_size=1, max_size=30),

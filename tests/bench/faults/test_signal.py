@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.faults.insertion import insert
@@ -33,7 +33,6 @@ def faulty(text, values, step_ns=MS):
     return codes.codes[spec.sensor]
 
 
-@settings(deadline=None)  # the first `slow` waits for the compiler
 @given(
     st.sampled_from(PLACED),
     st.lists(st.floats(0, 1), min_size=2, max_size=60),

@@ -3,7 +3,7 @@
 from xml.etree import ElementTree
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.gdb.description import REGISTERS
@@ -266,7 +266,6 @@ COMMANDS = st.sampled_from(
 ARGUMENTS = st.text("0123456789abcdefg,;:=-x ", max_size=30).map(str.encode) | st.binary(max_size=20)
 
 
-@settings(deadline=None)  # a machine may be busy
 @given(
     st.lists(st.binary(max_size=60) | st.builds(lambda a, b: encode(a + b), COMMANDS, ARGUMENTS), max_size=8)
 )

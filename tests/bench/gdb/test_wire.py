@@ -1,7 +1,7 @@
 """Packets of GDB's remote protocol: what is framed comes back, what is damaged is said to be."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.gdb.wire import LIMIT, Decoder, Mark, Packet, encode
@@ -19,7 +19,6 @@ def test_reserved_bytes_are_escaped():
     assert encode(b"#$*")[1:7] == b"}\x03}\x04}\x0a"
 
 
-@settings(deadline=None)  # a machine may be busy
 @given(st.lists(st.binary(max_size=80), max_size=5), st.data())
 def test_any_payload_in_any_pieces(payloads, data):
     """Whatever is encoded is decoded, however the bytes are cut into pieces."""
@@ -32,7 +31,6 @@ def test_any_payload_in_any_pieces(payloads, data):
     assert events == [Packet(payload) for payload in payloads]
 
 
-@settings(deadline=None)  # a machine may be busy
 @given(st.lists(st.binary(max_size=40)))
 def test_any_bytes(pieces):
     """Noise raises nothing, and a whole packet after it is read."""

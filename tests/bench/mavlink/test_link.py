@@ -174,14 +174,14 @@ def refused(datagram, source=HOME):
     return LAP.link.refused - before
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.binary(max_size=400) | st.binary(max_size=300).map(lambda data: b"\xfd" + data))
 def test_random_bytes(data):
     """Bytes that are no packets are refused, whatever they are; nothing is raised and nothing injected."""
     assert refused(data) >= (len(data) > 0)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.data(), st.booleans(), st.booleans())
 def test_flipped_bits(data, version_1, as_int):
     """A command with up to three bits flipped is never carried out."""
@@ -193,7 +193,7 @@ def test_flipped_bits(data, version_1, as_int):
     assert refused(bytes(packet)) >= 1
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.data(), st.binary(max_size=30))
 def test_cut_and_followed(data, rest):
     """A command cut short, whatever follows it, is refused."""
@@ -211,7 +211,7 @@ def seal(head, payload, extra):
     return head + payload + struct.pack("<H", crc.crc)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     st.integers(0, 255), st.sampled_from(sorted(common.mavlink_map)), st.binary(max_size=255), st.booleans()
 )

@@ -1,7 +1,7 @@
 """Bit-band aliases, by RM0090's section 2.3.3."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from targets.mcu import bitband
@@ -25,7 +25,6 @@ def write(mcu, address, value, size=4):
     mcu._engine.mem_write(address, value.to_bytes(size, "little"))
 
 
-@settings(deadline=None)  # the first example compiles
 @given(
     offset=st.integers(0, 0x1FFFF),
     bit=st.integers(0, 7),
@@ -45,7 +44,6 @@ def test_alias_of_memory_is_its_bit(mcu, offset, bit, before, value, size):
     assert read(mcu, word) == before & ~(1 << place) | (value & 1) << place
 
 
-@settings(deadline=None)
 @given(bit=st.integers(0, 15), before=st.integers(0, 0xFFFF), value=st.integers(0, 3), size=SIZES)
 def test_alias_of_a_device_is_its_bit(mcu, bit, before, value, size):
     """The word at 0x42000000 + 32 x byte + 4 x bit is that bit of the register."""

@@ -1,7 +1,7 @@
 """Capture/compare channels of the timers, by RM0090's sections 18.3.4 to 18.3.10."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from targets.mcu import events, pins
@@ -166,7 +166,6 @@ def test_software_compare_event(board):
     assert board[SR] == 1 << 2
 
 
-@settings(deadline=None)  # the first example compiles
 @given(
     cr1=st.sampled_from([0x01, 0x11, 0x21, 0x41, 0x61]),
     psc=st.integers(0, 3),

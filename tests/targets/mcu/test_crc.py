@@ -2,7 +2,7 @@
 
 import zlib
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.targets.mcu.board import Board
@@ -15,7 +15,6 @@ def mirrored(value, bits):
     return int(f"{value:0{bits}b}"[::-1], 2)
 
 
-@settings(deadline=None)  # the first example compiles
 @given(words=WORDS)
 def test_remainder_is_that_of_ethernet_without_its_reflections(words):
     """Polynomial 0x04C11DB7 from all ones, words most significant bit first: zlib's CRC of mirrored bytes,

@@ -134,7 +134,7 @@ def test_damaged_unit_costs_its_own_lines():
 
 
 @given(st.binary(max_size=60), st.integers(0, 255), st.integers(2, 5))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_any_program_ends(program, line_range, version):
     """Whatever a line table holds, reading it ends, without an exception."""
     found = lines_of(table(AT_FLASH + program + END, version=version, line_range=line_range))

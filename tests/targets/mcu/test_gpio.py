@@ -1,7 +1,7 @@
 """GPIO registers and pin levels, by RM0090's section 8."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from targets.mcu import gpio, pins
@@ -26,7 +26,6 @@ def test_registers_have_their_reset_values(board):
         assert tuple(board[port + register] for register in (MODER, OSPEEDR, PUPDR)) == values
 
 
-@settings(deadline=None)  # the first example compiles
 @given(before=HALF, set_=HALF, reset=HALF)
 def test_bit_set_reset(before, set_, reset):
     """BSRR sets and resets bits of ODR at once; set wins (section 8.4.7)."""
@@ -55,7 +54,6 @@ def test_input_levels(board):
     assert board[C + IDR] == 0b0011
 
 
-@settings(deadline=None)  # the first example compiles
 @given(mode=HALF, kind=HALF, odr=HALF, driven=HALF, levels=HALF, pull=HALF)
 def test_pin_level_is_what_drives_it_most_strongly(mode, kind, odr, driven, levels, pull):
     """Push-pull outputs win, an open drain pulls low only; then the outside, then the pull-up (8.3)."""

@@ -157,7 +157,7 @@ FAR = 0x08000000 + 0xF0000
 
 
 @given(st.integers(0, len(SHIPPED) - 1))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_every_truncation_is_refused(length):
     """However much of a file is missing at its end, it is refused with one line."""
     with pytest.raises(FirmwareError) as caught:
@@ -174,7 +174,7 @@ SMALL = elf(
 
 
 @given(st.data())
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @pytest.mark.parametrize("whole", [SHIPPED, SMALL], ids=["shipped", "small"])
 def test_any_flipped_bytes_load_or_are_refused(whole, data):
     """Damage of any kind is taken or refused; nothing else is raised, by the line table either."""

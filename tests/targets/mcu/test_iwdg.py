@@ -1,7 +1,7 @@
 """Independent watchdog, by RM0090's section 21."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from targets.mcu import events, rcc
@@ -40,7 +40,6 @@ def test_stopped_until_it_is_started(board):
     assert board.reset_cause == 0
 
 
-@settings(deadline=None)  # the first example compiles
 @given(prescaler=st.integers(0, 7), reload=st.integers(0, 0xFFF))
 def test_times_out_after_its_reload_value(prescaler, reload):
     """(RLR + 1) x 4 x 2^PR periods of the 32 kHz LSI, PR of 6 and 7 alike (table 106)."""

@@ -1,6 +1,6 @@
 """Rings of records."""
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from targets.mcu import records
@@ -17,7 +17,6 @@ def ring():
     return S, memory
 
 
-@settings(deadline=None)  # the first example compiles
 @given(values=st.lists(st.integers(-(2**63), 2**63 - 1), max_size=40))
 def test_ring_keeps_the_newest(values):
     """The last sixteen records come back in order, and the others are counted."""
@@ -28,7 +27,6 @@ def test_ring_keeps_the_newest(values):
     assert records.lost(S, RING) == max(0, len(values) - 16)
 
 
-@settings(deadline=None)  # the first example compiles
 @given(batches=st.lists(st.integers(0, 16), max_size=10))
 def test_records_are_taken_in_order(batches):
     """What is appended is taken once, first come first served."""

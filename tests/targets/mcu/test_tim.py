@@ -1,7 +1,7 @@
 """Timers TIM2 to TIM5, by RM0090's section 18."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from targets.mcu import pins
@@ -38,7 +38,6 @@ def test_registers_have_their_reset_values(board):
         assert set(values.values()) == {0}
 
 
-@settings(deadline=None)  # the first example compiles
 @given(
     psc=st.integers(0, 0xFFFF),
     arr=st.integers(1, 0xFFFF),
@@ -351,7 +350,6 @@ def configure(board, timer, model):
     board[timer + CCMR2] = words[2] | words[3] << 8
 
 
-@settings(deadline=None)  # the first example compiles
 @given(
     cr1=st.integers(0, 0xFF),
     psc=st.integers(0, 3),

@@ -1,7 +1,7 @@
 """Serial ports, by RM0090's section 30."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from targets.mcu import textlog, usart
@@ -62,7 +62,6 @@ def test_idle_frame_goes_first():
     assert textlog.log(board, "USART2").ns.tolist() == [2 * FRAME * 1000 // 16]
 
 
-@settings(deadline=None)  # the first example compiles
 @given(
     brr=st.integers(16, 0xFFFF),
     over8=st.booleans(),

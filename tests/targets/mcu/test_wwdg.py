@@ -1,7 +1,7 @@
 """Window watchdog, by RM0090's section 22."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from targets.mcu import events, rcc
@@ -31,7 +31,6 @@ def test_registers_have_their_reset_values(board):
     assert [board[r] for r in (CR, CFR, SR)] == [0x7F, 0x7F, 0]
 
 
-@settings(deadline=None)  # the first example compiles
 @given(t=st.integers(0x40, 0x7F), tb=st.integers(0, 3), ppre=st.sampled_from([0, 4, 5]))
 def test_time_out(t, tb, ppre):
     """T[5:0] + 1 times 4096 x 2^WDGTB clocks of APB1 (section 22.4)."""

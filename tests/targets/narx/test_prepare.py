@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -144,7 +144,6 @@ def test_filter_tells_what_it_took():
     assert removed[1] == pytest.approx(0.5 / np.sqrt(2.0), rel=0.02)
 
 
-@settings(deadline=None)  # the first example imports scipy
 @given(
     st.integers(1, 700), st.floats(-50.0, 50.0), st.floats(-1.0, 1.0), st.sampled_from([10.0, 100.0, 250.0])
 )

@@ -5,7 +5,7 @@ import time
 import can
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.errors import LapError
@@ -77,7 +77,6 @@ def test_line_ends_and_empty_lines_do_not_matter():
     assert other.damage == ()
 
 
-@settings(deadline=None)
 @given(st.data())
 def test_reads_as_python_can(tmp_path_factory, data):
     """Whatever python-can writes is read as python-can reads it, bit for bit, times to the microsecond."""

@@ -1,7 +1,7 @@
 """Error counters, flags, bus-off and recovery (RM0090 section 32.7.6, ISO 11898-1 clause 12.1.4)."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.bus.confinement import ErrorCounters
@@ -261,7 +261,6 @@ steps = st.one_of(
 )
 
 
-@settings(deadline=None)
 @given(st.lists(steps, max_size=120), st.integers(0, 31))
 def test_same_counters_as_a_plain_node(sequence, head_start):
     """Over any course of events bxCAN's counters and state are those of the bus's own nodes."""

@@ -208,7 +208,7 @@ contents = st.tuples(
 )
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.lists(contents, min_size=14, max_size=14), st.lists(frames, min_size=1, max_size=6))
 def test_filters_against_a_reference(banks, seen):
     """Whatever is in the banks, a message lands where the manual's rules, written out, put it."""
