@@ -22,6 +22,7 @@ from bench.cli import (
     run,
     train,
 )
+from bench.cli.lean import lean_can
 from bench.errors import BenchError
 from targets.errors import TargetError
 
@@ -52,6 +53,7 @@ app.command()(doctor.doctor)
 
 def main() -> None:
     """Entry point of the `bench` command."""
+    lean_can()
     try:
         app()
     except (BenchError, TargetError) as error:

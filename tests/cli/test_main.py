@@ -22,6 +22,20 @@ def test_start_imports_nothing_heavy():
     assert found.stdout == "[]\n"
 
 
+def test_can_without_asammdf(tmp_path):
+    """A command that uses python-can does not wait for asammdf, one that records .mf4 has it all the same."""
+    pytest.importorskip("asammdf")
+    code = "import sys, bench.cli.main as cli\ntry: cli.main()\nexcept SystemExit as end: print(end.code)\n"
+    code += "print([name for name in ('can', 'asammdf', 'pandas') if name in sys.modules])"
+    command = [sys.executable, "-c", code, "monitor", "--bus", "virtual:lean", "--seconds", "0"]
+    found = []
+    for more in ((), ("--record", "a.mf4")):
+        done = subprocess.run([*command, *more], capture_output=True, text=True, check=True, cwd=tmp_path)
+        found.append(done.stdout.splitlines()[-2:])
+    assert found == [["0", "['can']"], ["0", "['can', 'asammdf', 'pandas']"]]
+    assert (tmp_path / "a.mf4").stat().st_size > 0
+
+
 def test_refusal_from_the_shell(tmp_path):
     """As a process of its own, too, the command refuses in one line on the error stream, with exit code 2."""
     command = [sys.executable, "-m", "bench.cli.main", "run", str(tmp_path / "none.csv")]

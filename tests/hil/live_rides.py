@@ -18,6 +18,7 @@ import time
 from pathlib import Path
 
 from bench.bus.live import LiveBus
+from bench.cli.lean import lean_can
 from bench.errors import BusError
 from targets.ecus import ROLES
 from targets.host import library
@@ -86,6 +87,7 @@ def absent() -> str:
 
 def main(folder: Path, bus: str, guest: bool) -> None:
     """Ride, and write report.json."""
+    lean_can()
     lap, model = str(folder / "lap.csv"), str(folder / "model.json")
     interface, _, channel = bus.partition(":")
     report: dict = {"absent": absent()}
