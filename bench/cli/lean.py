@@ -20,7 +20,7 @@ def lean_can() -> None:
 
     Those of users, such as their test suites, may want python-can's reader.
     """
-    if _HEAVY not in sys.modules:
+    if not {_READER, _HEAVY} & sys.modules.keys():
         sys.meta_path.insert(0, _Finder())
 
 

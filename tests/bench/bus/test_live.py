@@ -33,7 +33,7 @@ def test_silence(wire):
     """With nothing to hear, receiving ends after its time."""
     start = time.monotonic()
     assert wire[0].receive(0.02) is None
-    assert time.monotonic() - start > 0.015
+    assert 0.015 < time.monotonic() - start < 10  # a mistaken unit would be 20
 
 
 @pytest.mark.parametrize(
